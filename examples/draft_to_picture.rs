@@ -41,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!(
         "{}: error {} of the mean",
         path.display(),
-        picture.figures["relative_error"]
+        picture.figures()["relative_error"]
     );
     Ok(())
 }

@@ -475,4 +475,6 @@ fn arguments_need_not_be_text() {
     let command = command.current_dir(&folder).arg("render").arg(name);
     let done = command.args(["-o", "a.png"]).output().unwrap();
     assert_eq!(done.status.code(), Some(2), "{done:?}");
+    let words = String::from_utf8_lossy(&done.stderr);
+    assert!(words.contains("b\u{fffd}.wif"), "{words}");
 }

@@ -1,6 +1,9 @@
 //! Fitting the fibres of a volume to measured reflection and transmission.
 
-use super::{FitJob, check_outputs, effort, finish, journal_key, open_journal, options, table};
+use super::{
+    FitJob, check_outputs, effort, finish, journal_key, measured, open_journal, options,
+    read_fabric, table,
+};
 use anyhow::Result;
 use organza_basis::Stopped;
 use organza_measure::fit::{Bound, Patience, determine, search};
@@ -14,10 +17,9 @@ use organza_scene::patches::{AnyPatch, Matter};
 use organza_scene::representation::{FittedOptics, ShownAs};
 use organza_work::Context;
 use organza_work::Progress;
-use organza_work::building::watched;
 use organza_work::measured_values;
 use organza_work::number_journal::JournalError;
-use organza_work::{of_file, of_key, of_option};
+use organza_work::{of_file, of_key};
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use toml::{Table, Value};
@@ -178,17 +180,11 @@ pub(crate) static TARGET: crate::Target = crate::Target {
 };
 
 fn run(args: &FitJob) -> Result<super::Fitted> {
-    let path = args
-        .data
-        .as_deref()
-        .ok_or_else(|| of_option("data", "expected measured values"))?;
+    let path = measured(args)?;
     let observed = Observed::read(path, &args.context)?;
     let values = observed.values();
     let unwatched = args.context.loader();
-    let (fabric, read) = watched(&args.context, |loader| {
-        let fabric = fabric_file::load(args.fabric_path(), &args.set, loader)?;
-        Ok((fabric, loader.inputs()))
-    })?;
+    let (fabric, read) = read_fabric(args)?;
     check_outputs(args, &read)?;
     let (shown, fitted) = model(args, &fabric)?;
     let bounds = bounds(fitted, &fabric);

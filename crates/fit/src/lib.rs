@@ -16,6 +16,7 @@ use clap::Args;
 use glam::UVec2;
 use organza_measure::Effort;
 use organza_measure::fit::Determined;
+use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::file_kind::Wanted;
 use organza_scene::loader::{Input, Loader};
 use organza_scene::patches::{PatchModel, PatchOptions};
@@ -23,6 +24,7 @@ use organza_scene::read;
 use organza_scene::representation::Build;
 use organza_transport::Crop;
 use organza_work::Job;
+use organza_work::building::watched;
 use organza_work::journal::Work;
 use organza_work::keys;
 use organza_work::number_journal::NumberJournal;
@@ -56,11 +58,11 @@ pub struct Fit {
     /// Measured values to fit to: CSV with r,g,b, a WINDOW file (.xml) or, for a picture, an .exr, .hdr or .png [default for a surface: the fabric's volume, for plies: its fibres]
     #[arg(long, value_name = "FILE")]
     pub data: Option<PathBuf>,
-    /// Model of the volume; what plies are fitted to [default for plies: fibres]
+    /// Model of the volume; what plies are fitted to [default for plies and cloths: fibres]
     #[arg(long, default_value = OWN, value_parser = patch_model())]
     #[serde(deserialize_with = "organza_work::patch_model::named")]
     pub model: PatchModel,
-    /// Paths per pair of the volume, or per texel of a picture, at least 2 [default: 1024; 64 for the picture of a volume, 60 for a cloth, 32768 for a shade]
+    /// Paths per pair of the volume, or per texel of a picture, at least 2 [default: 1024; 64 for the picture of a volume, 60 for a cloth, 32 for pictures of plies, 32768 for a shade]
     #[arg(long, value_name = "N", value_parser = parse_paths)]
     pub spp: Option<u64>,
     /// Evaluations: of the first scan, and at most of each descent [default: 200,400 for a surface, 0,60 for fibres, 0,120 for plies]
@@ -143,7 +145,7 @@ pub struct Fit {
     #[arg(long, value_name = "FILE")]
     pub journal: Option<PathBuf>,
     /// Seed of all random numbers
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_seed)]
+    #[arg(long, value_name = "N", default_value_t = Fit::default().seed, value_parser = parse_seed)]
     #[serde(deserialize_with = "keys::seed")]
     pub seed: u64,
     /// Edge of the finest voxels, micrometres [default: the fabric's]
@@ -443,6 +445,20 @@ fn named_regions<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<NamedRegion>,
     Ok(parts.collect())
 }
 
+/// The fabric that is fitted, and the files it was read from.
+fn read_fabric(args: &FitJob) -> Result<(Fabric, Vec<Input>)> {
+    watched(&args.context, |loader| {
+        let fabric = fabric_file::load(args.fabric_path(), &args.set, loader)?;
+        Ok((fabric, loader.inputs()))
+    })
+}
+
+/// The file of measured values.
+fn measured(args: &FitJob) -> Result<&Path> {
+    let path = args.data.as_deref();
+    path.ok_or_else(|| of_option("data", "expected measured values"))
+}
+
 /// Refuses outputs that are the fabric, the data, or files that the fabric names.
 fn check_outputs(args: &FitJob, read: &[Input]) -> Result<()> {
     let read = || {
@@ -526,6 +542,11 @@ fn table(args: &FitJob, removed: &[String], overrides: &[String]) -> Result<Tabl
         }
     }
     Ok(table)
+}
+
+/// A colour, for people.
+fn triple([r, g, b]: [f64; 3]) -> String {
+    format!("{r:.4} {g:.4} {b:.4}")
 }
 
 /// A comment of one line, whatever stands in names of files and yarns.

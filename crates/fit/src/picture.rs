@@ -1,7 +1,8 @@
 //! Fitting colour and roughness of the fibres to one picture of the cloth.
 
 use super::fibres::{model, optics_given_way, optics_keys, own_colour, yarns};
-use super::{FitJob, check_outputs, finish, options, table};
+use super::{FitJob, check_outputs, finish, options, read_fabric, table};
+use crate::triple;
 use anyhow::Result;
 use glam::UVec2;
 use organza_basis::{Rgb, Stopped};
@@ -10,7 +11,6 @@ use organza_measure::{
     Angles, Pair, PictureSearch, PictureStatistics, TexelGrid, match_picture, measure_texture,
 };
 use organza_scene::fabric_file::{self, Fabric};
-use organza_scene::memory::free_memory_bytes;
 use organza_scene::patches::{Matter, texel_grid};
 use organza_work::Context;
 use organza_work::Progress;
@@ -47,12 +47,9 @@ fn run(args: &FitJob) -> Result<super::Fitted> {
         .data
         .as_deref()
         .ok_or_else(|| of_option("data", "expected a picture"))?;
-    let (fabric, read) = watched(&args.context, |loader| {
-        let fabric = fabric_file::load(args.fabric_path(), &args.set, loader)?;
-        Ok((fabric, loader.inputs()))
-    })?;
+    let (fabric, read) = read_fabric(args)?;
     check_outputs(args, &read)?;
-    let (size, pixels) = read_picture(path, &args.context, args.context.max_memory_bytes)?;
+    let (size, pixels) = read_picture(path, &args.context)?;
     let (size, pixels) = shrunk(size, &pixels, MAX_TEXELS);
     let none = vec![[0.0; 3]; pixels.len()];
     // White sends 1/pi of the light on it into every direction.
@@ -153,12 +150,8 @@ fn determined(name: String, value: f64, is_fixed: bool) -> Determined {
 ///
 /// # Errors
 /// Names the file.
-pub fn read_picture(
-    path: &Path,
-    context: &Context,
-    max_memory_bytes: Option<u64>,
-) -> Result<(UVec2, Vec<Rgb>)> {
-    let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
+pub fn read_picture(path: &Path, context: &Context) -> Result<(UVec2, Vec<Rgb>)> {
+    let allowed = context.memory_bytes();
     let decoded = organza_picture::decode(&context.loader().bytes(path)?, allowed);
     let (picture, _) = decoded.map_err(|e| of_file(path, e))?;
     let positive = |p: Rgb| Rgb::from(p.0.to_array().map(|x| if x < 0.0 { 0.0 } else { x }));
@@ -166,10 +159,6 @@ pub fn read_picture(
         picture.size,
         picture.pixels.into_iter().map(positive).collect(),
     ))
-}
-
-fn triple([r, g, b]: [f64; 3]) -> String {
-    format!("{r:.4} {g:.4} {b:.4}")
 }
 
 /// Averages over squares of pixels until the longer side has at most so many.

@@ -1,7 +1,9 @@
 //! Fitting the surface model: to the volume of the same file, or to measured
 //! values.
 
-use super::{FitJob, check_outputs, effort, finish, journal_key, open_journal, options, table};
+use super::{
+    FitJob, check_outputs, effort, finish, journal_key, open_journal, options, read_fabric, table,
+};
 use anyhow::{Context, Result};
 use organza_basis::{Rgb, Stopped};
 use organza_measure::fit::Patience;
@@ -9,7 +11,6 @@ use organza_measure::{
     Angles, Effort, Measured, Pair, PairValue, fit_surface, in_plane_layout, irawan_layout,
     measure_albedos, measure_pairs,
 };
-use organza_scene::fabric_file;
 use organza_scene::loader::Input;
 use organza_scene::patches::{AnyPatch, fabric_patch};
 use organza_scene::representation::ShownAs;
@@ -37,10 +38,11 @@ pub(crate) static TARGET: crate::Target = crate::Target {
 };
 
 fn run(args: &FitJob) -> Result<super::Fitted> {
-    let (mut fabric, read) = watched(&args.context, |loader| {
-        let fabric = fabric_file::load(args.fabric_path(), &args.set, loader)?;
-        Ok((fabric, loader.inputs()))
-    })?;
+    if args.data.is_some() {
+        let own = "applies only to a fit to the fabric's own volume";
+        args.refuse(&["model", "journal", "voxel_um"], own)?;
+    }
+    let (mut fabric, read) = read_fabric(args)?;
     check_outputs(args, &read)?;
     // A fabric without the section gets one.
     fabric.file.surface.get_or_insert_default();

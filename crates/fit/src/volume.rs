@@ -5,6 +5,7 @@ use super::fibres::Observed;
 use super::volume_picture::Photograph;
 use super::volume_scene::{Draft, START};
 use super::{Fit, FitJob, check_outputs, finish, output_of};
+use crate::triple;
 use anyhow::Result;
 use organza_basis::Stopped;
 use organza_measure::{
@@ -71,16 +72,10 @@ fn run(args: &FitJob) -> Result<super::Fitted> {
     let data = match has_picture(args) {
         true => Data::Picture(Photograph::read(args, path, &draft)?),
         false => {
-            let of_pictures = [
-                "light",
-                "view",
-                "width_mm",
-                "white",
-                "region",
-                "region_of",
-                "noise",
-                "blur_px",
-            ];
+            // All but the data itself and what is found.
+            let of_pictures = TARGET.fields.iter().copied();
+            let of_pictures = of_pictures.filter(|f| !["data", "fit_density"].contains(f));
+            let of_pictures: Vec<&str> = of_pictures.collect();
             args.refuse(&of_pictures, "applies only to a picture")?;
             Data::Pairs(Observed::read(path, &args.context)?)
         }
@@ -146,10 +141,6 @@ fn words(found: &AppearanceFit, target: &[Measured], labels: &[String]) -> Strin
         found.simulations,
         3 * target.len(),
     )
-}
-
-fn triple([r, g, b]: [f64; 3]) -> String {
-    format!("{r:.4} {g:.4} {b:.4}")
 }
 
 /// What was observed.

@@ -53,8 +53,7 @@ impl Photograph {
     /// # Errors
     /// Names the file or the flag.
     pub fn read(args: &FitJob, path: &Path, draft: &Draft) -> Result<Photograph> {
-        let allowed = args.context.max_memory_bytes;
-        let (size, pixels) = super::picture::read_picture(path, &args.context, allowed)?;
+        let (size, pixels) = super::picture::read_picture(path, &args.context)?;
         let whole = Crop {
             min: UVec2::ZERO,
             max: size,
@@ -373,9 +372,10 @@ impl Photograph {
             sum / count
         });
         if mean.iter().any(|&v| v <= 0.0) {
-            return Err(fail(
-                "--white: paper in place of the cloth is black for this camera; leave --white \
-                 out and give the photograph in the radiances of the scene",
+            return Err(of_option(
+                "white",
+                "paper in place of the cloth is black for this camera; leave it out and give the \
+                 photograph in the radiances of the scene",
             ));
         }
         Ok(mean)

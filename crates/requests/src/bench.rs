@@ -14,7 +14,7 @@ use organza_scene::scene_file::SceneFile;
 use organza_work::Job;
 use organza_work::keys;
 use organza_work::values::{parse_share, whole};
-use organza_work::{Context, Error, Progress, Waiting, of_file, of_io, output};
+use organza_work::{Context, Error, Progress, Waiting, of_file, output};
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -34,7 +34,7 @@ pub struct Bench {
     #[arg(long, value_name = "MM,...", value_parser = parse_pixel_mm, value_delimiter = ',')]
     pub pixel_mm: Vec<f64>,
     /// Ways through each representation: "all", or "usual" for the one that render takes, which then traces the reference, too
-    #[arg(long, value_enum, default_value_t = Trackers::All)]
+    #[arg(long, value_enum, default_value_t = Bench::default().trackers)]
     pub trackers: Trackers,
     /// Also measure how cost grows with size [default: unless --quick or --pixel-mm]
     #[arg(long)]
@@ -43,7 +43,7 @@ pub struct Bench {
     #[arg(long, value_name = "SHARE", value_parser = parse_share, value_delimiter = ',', default_value = "0.02,0.05,0.1,0.2")]
     pub within: Vec<f64>,
     /// Pixels along an edge of the pictures, 4 to 1024
-    #[arg(long, value_name = "N", value_parser = whole::<u32>(4..=1024), default_value_t = 16)]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(4..=1024), default_value_t = Bench::default().resolution)]
     pub resolution: u32,
     /// Samples per pixel of every choice, at least 2 [default: 512, quick 192]
     #[arg(long, value_name = "N", value_parser = whole::<u64>(2..=1_000_000))]
@@ -143,7 +143,7 @@ fn bench(args: &BenchJob) -> Result<Vec<String>> {
     overrides::check_overrides::<SceneFile>(&scene, &args.set)?;
     let folder = |name: &str| {
         let path = args.outfile.join(name);
-        std::fs::create_dir_all(&path).map_err(|e| of_io(&path, &e))?;
+        output::make_folder(&path)?;
         path.canonicalize()
             .with_context(|| path.display().to_string())
     };

@@ -1,6 +1,6 @@
 //! Comparisons of the models of a fabric, with each other or with measured values.
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use clap::Args;
 use organza_measure::{Effort, irawan_layout};
 use organza_report::comparison::{Comparison, ComparisonPlan, Measurement, judge};
@@ -10,6 +10,7 @@ use organza_scene::representation::{EXPLICIT_FIBRES, Representation, SURFACE, Sh
 use organza_work::Job;
 use organza_work::building::watched;
 use organza_work::keys;
+use organza_work::output_folder::write_folder;
 use organza_work::patch_model::patch_model;
 use organza_work::values::{
     parse_level, parse_micrometres, parse_paths, parse_seed, parse_share, whole,
@@ -37,26 +38,26 @@ pub struct Compare {
     #[arg(long, value_name = "FILE")]
     pub data: Option<PathBuf>,
     /// Paths per pair, at least 2
-    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = parse_paths)]
+    #[arg(long, value_name = "N", default_value_t = Compare::default().spp, value_parser = parse_paths)]
     pub spp: u64,
     /// Stop a pair when the standard error of every channel is below this share of the value (0.05 is 5 %)
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     pub target_error: Option<f64>,
     /// Texels of the longer side of the pictures, 8 to 4096
-    #[arg(long, value_name = "N", default_value_t = 96, value_parser = whole::<u32>(8..=4096))]
+    #[arg(long, value_name = "N", default_value_t = Compare::default().texels, value_parser = whole::<u32>(8..=4096))]
     pub texels: u32,
     /// Paths per texel of the pictures, at least 2
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = parse_paths)]
+    #[arg(long, value_name = "N", default_value_t = Compare::default().texel_spp, value_parser = parse_paths)]
     pub texel_spp: u64,
     /// Median relative error below which models agree (0.15 is 15 %)
-    #[arg(long, value_name = "SHARE", default_value_t = 0.15, value_parser = parse_share)]
+    #[arg(long, value_name = "SHARE", default_value_t = Compare::default().limit, value_parser = parse_share)]
     pub limit: f64,
     /// Seed of all random numbers
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_seed)]
+    #[arg(long, value_name = "N", default_value_t = Compare::default().seed, value_parser = parse_seed)]
     #[serde(deserialize_with = "keys::seed")]
     pub seed: u64,
     /// Level of detail of the volumes; 0 is the finest
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_level)]
+    #[arg(long, value_name = "N", default_value_t = Compare::default().level, value_parser = parse_level)]
     pub level: u8,
     /// Edge of the finest voxels, micrometres [default: the fabric's]
     #[arg(long, value_name = "UM", value_parser = parse_micrometres)]
@@ -255,21 +256,15 @@ impl Output for Compared {
     }
 
     fn write(&self, path: &Path) -> Result<Vec<PathBuf>, Error> {
-        output::make_folder(path)?;
         let json = serde_json::to_string_pretty(&self.0.json()).map_err(anyhow::Error::from)?;
         let texts = [
             self.0.pairs_csv().map_err(anyhow::Error::from)?,
             json,
             self.0.html().map_err(anyhow::Error::from)?,
         ];
-        let mut written = Vec::new();
-        for (name, text) in FILES.iter().zip(texts) {
-            let path = path.join(name);
-            output::write_file(&path, |out| {
-                out.write_all(text.as_bytes()).context("writing failed")
-            })?;
-            written.push(path);
-        }
-        Ok(written)
+        let files = FILES.iter().zip(texts);
+        let files = files.map(|(name, text)| ((*name).to_owned(), text.into_bytes()));
+        write_folder(path, &files.collect::<Vec<_>>())?;
+        Ok(FILES.map(|name| path.join(name)).to_vec())
     }
 }

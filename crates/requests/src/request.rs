@@ -36,7 +36,7 @@ const REQUESTS: &[Registration] = &[
 const OUTPUTS: [&str; 2] = ["outfile", "outdir"];
 
 /// What does the work of a request.
-type Work = dyn Fn(&Context) -> Result<Results, Error> + Send + Sync;
+type Work = dyn Fn(&Context) -> Result<Box<dyn Output>, Error> + Send + Sync;
 
 /// A request that a table states.
 pub struct Stated {
@@ -63,7 +63,7 @@ impl Stated {
     ///
     /// # Errors
     /// Those of the request.
-    pub fn run(&self, context: &Context) -> Result<Results, Error> {
+    pub fn run(&self, context: &Context) -> Result<Box<dyn Output>, Error> {
         (self.run)(&Context {
             outputs: self.outputs.clone(),
             ..context.clone()
@@ -77,15 +77,17 @@ impl Stated {
 /// # Errors
 /// No request of this name, and those of the request.
 pub fn run_table(name: &str, table: toml::Table, context: &Context) -> Result<Results, Error> {
-    Stated::read(name, table)?.run(context)
+    Stated::read(name, table)?.run(context)?.results()
 }
 
 fn read<R: Request + Send + Sync + 'static>(mut table: toml::Table) -> Result<Stated, Error> {
-    let named = OUTPUTS.iter().find_map(|key| table.remove(*key));
+    let named = OUTPUTS
+        .iter()
+        .find_map(|key| Some((key, table.remove(*key)?)));
     let path = match named {
-        Some(toml::Value::String(path)) => Some(PathBuf::from(path)),
-        Some(_) => {
-            let why = InputError::of_option(OUTPUTS[0], "expected the name of a file");
+        Some((_, toml::Value::String(path))) => Some(PathBuf::from(path)),
+        Some((key, _)) => {
+            let why = InputError::of_option(key, "expected the name of a file or folder");
             return Err(Error::from(anyhow::Error::new(why)));
         }
         None => None,
@@ -100,7 +102,48 @@ fn read<R: Request + Send + Sync + 'static>(mut table: toml::Table) -> Result<St
                 found.settle(path);
                 found.write(path)?;
             }
-            found.results()
+            match found.failure() {
+                Some(failure) => Err(failure),
+                None => Ok(Box::new(found) as Box<dyn Output>),
+            }
         }),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Bench;
+    use clap::{Arg, Args, Command};
+    use std::fmt::Debug;
+
+    /// What flags give where none is stated, beside what a table gives.
+    fn same<R: Args + Default + Debug>(required: &[&str], complete: impl FnOnce(&mut R)) {
+        let mut command = R::augment_args(Command::new("organza").no_binary_name(true));
+        if !command.get_arguments().any(|a| a.get_id() == "outfile") {
+            // Commands add it, and flags name it.
+            command = command.arg(Arg::new("outfile").long("outfile"));
+        }
+        let found = command.try_get_matches_from(required).unwrap();
+        let flags = R::from_arg_matches(&found).unwrap();
+        let mut table = R::default();
+        complete(&mut table);
+        assert_eq!(format!("{flags:?}"), format!("{table:?}"));
+    }
+
+    #[test]
+    fn flags_and_tables_have_the_same_defaults() {
+        same::<Render>(&["a"], |r| r.scene = "a".into());
+        same::<Measure>(&["a", "--pairs", "b"], |r| {
+            (r.file, r.pairs) = ("a".into(), Some("b".into()));
+        });
+        same::<Table>(&["a"], |r| r.fabric = "a".into());
+        same::<Voxelize>(&["a"], |r| r.fabric = "a".into());
+        same::<Scan>(&["a"], |r| r.files = vec!["a".into()]);
+        same::<Compare>(&["a"], |r| r.fabric = "a".into());
+        same::<Bake>(&["a"], |r| r.fabrics = vec!["a".into()]);
+        same::<Weave>(&["a"], |r| r.draft = "a".into());
+        same::<Fit>(&["a"], |r| r.fabric = Some("a".into()));
+        same::<Bench>(&["--outfile", "a"], |r| r.outfile = "a".into());
+    }
 }

@@ -27,7 +27,7 @@ pub struct Weave {
     #[serde(deserialize_with = "keys::some_name")]
     pub level: Option<CurveLevelName>,
     /// Pixels per crossing of a drawdown, 1 to 1024; fewer where the picture would be wider than 8192
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = whole::<u32>(1..=1024), requires = "outfile")]
+    #[arg(long, value_name = "N", default_value_t = Weave::default().cell_px, value_parser = whole::<u32>(1..=1024), requires = "outfile")]
     pub cell_px: u32,
     /// Override any key of the fabric file, e.g. --set warp.per_cm=30 (repeatable)
     #[arg(long, value_name = "KEY.PATH=VALUE")]

@@ -2,7 +2,7 @@
 
 use crate::woven_volume::{WovenVolume, system_of};
 use glam::{DVec2, UVec2, UVec3, Vec3};
-use organza_basis::{FibrePopulation, Mixture, unwatched};
+use organza_basis::{FibrePopulation, Mixture, Watch};
 use organza_volume::{Error, MixtureGrid, MixtureSource, Octree, octree_of_mixtures};
 use organza_weave::Synthesis;
 use std::collections::BTreeMap;
@@ -26,7 +26,7 @@ struct ExemplarVoxels<'a> {
 }
 
 /// The voxels of an exemplar cloth: `woven`, with those of volumes where volumes stand.
-/// `crossings` are those of the exemplar.
+/// `crossings` are those of the exemplar, `allowed` are bytes; `done` learns the share that is done.
 ///
 /// # Errors
 /// As [`octree_of_mixtures`].
@@ -35,7 +35,7 @@ pub fn with_volumes(
     synthesis: &Synthesis,
     volumes: &[Option<WovenVolume>],
     crossings: UVec2,
-    allowed: u64,
+    (allowed, done): (u64, Watch<'_, f32>),
 ) -> Result<Octree, Error> {
     let dims = woven.dims(0);
     let mut is_needed = vec![false; crossings.element_product() as usize];
@@ -65,12 +65,7 @@ pub fn with_volumes(
         layers: below + dims.z + above,
         materials: woven.materials_of_yarns(),
     };
-    octree_of_mixtures(
-        &voxels,
-        Some(woven.level_count()),
-        Some(allowed),
-        &unwatched,
-    )
+    octree_of_mixtures(&voxels, Some(woven.level_count()), Some(allowed), done)
 }
 
 impl ExemplarVoxels<'_> {

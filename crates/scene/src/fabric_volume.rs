@@ -1,15 +1,15 @@
 //! The voxels of a fabric.
 
+use crate::blocks;
 use crate::error::{InputError, Result};
+use crate::exemplar_voxels::with_volumes;
 use crate::fabric_file::Fabric;
 use crate::loader::{Loader, Task};
 use crate::memory::free_memory_bytes;
 use crate::volume_cache::{self, VolumePlan};
-use crate::{blocks, exemplar_voxels};
 use organza_basis::SegmentSource;
 use organza_transport::{PackingStudy, measure_packing};
 use organza_volume::{FibreFootprint, Octree, VoxelizeOptions, VoxelizePlan};
-use organza_weave::Synthesis;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -84,8 +84,16 @@ impl Fabric {
             .map_err(|e| InputError::of_file(path, e))?;
         if let Some(synthesis) = &self.synthesis {
             let allowed = max_memory_bytes.unwrap_or_else(free_memory_bytes);
-            let octree = self.with_volumes(octree, synthesis, allowed);
-            let octree = octree.map_err(|e| InputError::of_file(path, e))?;
+            let octree = match self.volumes.iter().all(Option::is_none) {
+                true => octree,
+                false => loader
+                    .run(&task, |done| {
+                        let crossings = blocks::crossings(synthesis);
+                        let volumes = &self.volumes;
+                        with_volumes(&octree, synthesis, volumes, crossings, (allowed, done))
+                    })
+                    .map_err(|e| InputError::of_file(path, e))?,
+            };
             let cloth = blocks::cut(&octree, &self.cloth, synthesis, allowed);
             let cloth = cloth.map_err(|e| InputError::of_file(path, e))?;
             return Ok((cloth, true));
@@ -96,20 +104,6 @@ impl Fabric {
         let octree = self.with_measured_packing(octree, path, max_memory_bytes, loader)?;
         let is_measured = octree.packing().is_some();
         Ok((octree, is_measured))
-    }
-
-    /// The octree of an exemplar cloth with the voxels of volumes where they stand.
-    fn with_volumes(
-        &self,
-        woven: Octree,
-        synthesis: &Synthesis,
-        allowed: u64,
-    ) -> Result<Octree, organza_volume::Error> {
-        if self.volumes.iter().all(Option::is_none) {
-            return Ok(woven);
-        }
-        let crossings = blocks::crossings(synthesis);
-        exemplar_voxels::with_volumes(&woven, synthesis, &self.volumes, crossings, allowed)
     }
 
     /// The octree of this cloth with packing factors that are measured under the optics

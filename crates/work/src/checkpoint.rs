@@ -7,6 +7,7 @@
 use crate::error::of_file;
 use crate::identity::{Difference, EngineKind, Identity, crop_edges};
 use crate::journal::{Journal, Work};
+use crate::keys::listed;
 use crate::output;
 use crate::version;
 use anyhow::{Context, Result};
@@ -131,7 +132,6 @@ fn describe_difference(
     here: &Identity,
     why_walk: Option<&str>,
 ) -> String {
-    let crop = |[x0, y0, x1, y1]: [u32; 4]| format!("{x0},{y0},{x1},{y1}");
     match difference {
         Difference::Code => format!(
             "is a checkpoint of organza {}; this is organza {}",
@@ -143,8 +143,8 @@ fn describe_difference(
         ),
         Difference::Crop => format!(
             "is a checkpoint of the pixels {}; this render is of {}",
-            crop(of_file.crop),
-            crop(here.crop)
+            listed(&of_file.crop),
+            listed(&here.crop)
         ),
         Difference::Engine => {
             let remedy = match (here.engine, why_walk) {

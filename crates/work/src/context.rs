@@ -1,6 +1,6 @@
 //! What a piece of work runs in: threads, memory, cache, files in memory, and who follows it.
 
-use crate::error::{Error, Stopped};
+use crate::error::Error;
 use crate::listener::{Listener, Silent};
 use crate::output;
 use crate::result_cache;
@@ -138,17 +138,6 @@ impl Context {
         match self.stop.is_asked() {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
-        }
-    }
-
-    /// Ends work that is to stop.
-    ///
-    /// # Errors
-    /// Somebody asked for it.
-    pub fn check_stop(&self) -> Result<()> {
-        match self.stop.is_asked() {
-            true => Err(Stopped.into()),
-            false => Ok(()),
         }
     }
 

@@ -41,18 +41,7 @@ pub struct Error {
 impl Error {
     /// One that has no place.
     pub fn new(kind: ErrorKind, text: impl Into<String>) -> Error {
-        Error::of_text(kind, text.into())
-    }
-
-    /// Of work that was to stop, whatever it ended with.
-    pub(crate) fn stopped(ended_with: &anyhow::Error) -> Error {
-        Error {
-            kind: ErrorKind::Stopped,
-            ..Error::of_text(ErrorKind::Stopped, message(ended_with))
-        }
-    }
-
-    fn of_text(kind: ErrorKind, text: String) -> Error {
+        let text = text.into();
         Error {
             kind,
             file: None,
@@ -64,6 +53,11 @@ impl Error {
             text,
         }
     }
+
+    /// Of work that was to stop, whatever it ended with.
+    pub(crate) fn stopped(ended_with: &anyhow::Error) -> Error {
+        Error::new(ErrorKind::Stopped, message(ended_with))
+    }
 }
 
 impl From<anyhow::Error> for Error {
@@ -74,13 +68,13 @@ impl From<anyhow::Error> for Error {
         };
         let text = message(&e);
         if e.chain().any(|cause| cause.is::<Stopped>()) {
-            return Error::of_text(ErrorKind::Stopped, text);
+            return Error::new(ErrorKind::Stopped, text);
         }
         let found = e
             .chain()
             .find_map(|cause| cause.downcast_ref::<InputError>());
         let Some(wrong) = found else {
-            return Error::of_text(ErrorKind::Work, text);
+            return Error::new(ErrorKind::Work, text);
         };
         Error {
             file: wrong.file.clone(),
@@ -89,7 +83,7 @@ impl From<anyhow::Error> for Error {
             key: wrong.option.clone().or_else(|| wrong.key.clone()),
             message: wrong.message.clone(),
             is_missing: wrong.is_missing,
-            ..Error::of_text(ErrorKind::Input, text)
+            ..Error::new(ErrorKind::Input, text)
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The identity of a picture, so that only samples of the same picture are put
 //! together.
 
+use crate::keys::listed;
 use crate::sample_ranges::SampleRanges;
 use organza_picture::Display;
 use organza_scene::loader::Input;
@@ -123,13 +124,12 @@ impl Identity {
     /// What a picture file records of itself.
     pub fn attributes(&self, samples: &SampleRanges) -> Vec<(&'static str, String)> {
         let inputs = serde_json::to_string(&self.inputs).unwrap_or_default();
-        let [x0, y0, x1, y1] = self.crop;
         vec![
             ("code", self.code.clone()),
             ("identity", self.scene.clone()),
             ("inputs", inputs),
             ("seed", self.seed.to_string()),
-            ("crop", format!("{x0},{y0},{x1},{y1}")),
+            ("crop", listed(&self.crop)),
             ("spp", samples.count().to_string()),
             ("samples", samples.to_string()),
         ]
@@ -241,12 +241,6 @@ fn feed(value: &Value, digest: &mut Sha256) {
 /// Bytes as hexadecimal digits.
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect()
-}
-
-/// A crop as `--crop` takes it.
-pub fn describe_crop(crop: Crop) -> String {
-    let Crop { min, max } = crop;
-    format!("{},{},{},{}", min.x, min.y, max.x, max.y)
 }
 
 /// The edges of a crop: left, top, right, bottom.

@@ -247,12 +247,23 @@ pub fn check_report_folder(path: &Path, other: (&str, &str)) -> Result<()> {
     check_writable(&there.join("report.html"))
 }
 
-/// Makes a folder, and those that hold it, unless they are there.
+/// Makes a folder and those that it lies in.
 ///
 /// # Errors
-/// Names the folder.
+/// Names the folder; wrong input where the path cannot be that of a folder of this account.
 pub fn make_folder(path: &Path) -> Result<()> {
-    std::fs::create_dir_all(path).map_err(|e| of_io(path, &e))
+    use std::io::ErrorKind::{
+        AlreadyExists, InvalidFilename, InvalidInput, NotADirectory, PermissionDenied,
+        ReadOnlyFilesystem,
+    };
+    let Err(e) = std::fs::create_dir_all(path) else {
+        return Ok(());
+    };
+    match e.kind() {
+        AlreadyExists | InvalidFilename | InvalidInput | NotADirectory | PermissionDenied
+        | ReadOnlyFilesystem => Err(of_io(path, &e)),
+        _ => Err(e).with_context(|| format!("cannot write {}", path.display())),
+    }
 }
 
 /// Refuses early what could not be written in the end.

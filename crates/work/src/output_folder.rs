@@ -1,7 +1,6 @@
 //! Folders of files that belong together: they appear together or not at all.
 
-use crate::error::of_io;
-use crate::output::{WriteFile, write_files};
+use crate::output::{WriteFile, make_folder, write_files};
 use anyhow::{Context, Result};
 use std::fs::File;
 use std::io::Write;
@@ -67,25 +66,6 @@ pub fn write_folder(path: &Path, files: &[(String, Vec<u8>)]) -> Result<()> {
     // It has another name now, so that there is nothing to remove.
     let _ = temporary.keep();
     Ok(())
-}
-
-/// Makes a folder and those that it lies in.
-///
-/// # Errors
-/// Names the folder; wrong input where the path cannot be that of a folder of this account.
-fn make_folder(path: &Path) -> Result<()> {
-    use std::io::ErrorKind::{
-        AlreadyExists, InvalidFilename, InvalidInput, NotADirectory, PermissionDenied,
-        ReadOnlyFilesystem,
-    };
-    let Err(e) = std::fs::create_dir_all(path) else {
-        return Ok(());
-    };
-    match e.kind() {
-        AlreadyExists | InvalidFilename | InvalidInput | NotADirectory | PermissionDenied
-        | ReadOnlyFilesystem => Err(of_io(path, &e)),
-        _ => Err(e).with_context(|| format!("cannot write {}", path.display())),
-    }
 }
 
 fn replace(path: &Path, files: &[(String, Vec<u8>)]) -> Result<()> {

@@ -75,10 +75,13 @@ pub fn resolved(path: &Path, film: &Film, display: Display, context: &Context) -
 /// # Errors
 /// The file cannot be written.
 pub fn write(path: &Path, rendered: &Rendered<'_>) -> Result<()> {
-    match format(path)?.writer {
-        Some(writer) => write_with(path, |out| writer(rendered, out)),
-        None => Ok(()),
-    }
+    let Some(writer) = format(path)?.writer else {
+        return Err(of_file(
+            path,
+            "no picture of a render is written in this format",
+        ));
+    };
+    write_with(path, |out| writer(rendered, out))
 }
 
 /// The formats that a denoised picture can be written in.

@@ -59,6 +59,11 @@ pub trait Output {
     /// A file that cannot be encoded.
     fn results(&self) -> Result<Results, Error>;
 
+    /// Why it is less than what was asked for, such as an interrupt; it can be written still.
+    fn failure(&self) -> Option<Error> {
+        None
+    }
+
     /// Decides what depends on the file that is written: numbers in place of `auto`.
     fn settle(&mut self, path: &Path) {
         let _ = path;

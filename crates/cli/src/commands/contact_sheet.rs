@@ -115,7 +115,7 @@ fn render(args: &RenderArgs, cell: &Render, context: &Context) -> Result<Cell> {
         cell.scene.display(),
         shown.size.x,
         shown.size.y,
-        picture.figures["samples"],
+        picture.figures()["samples"],
         display.exposure,
         display.white_balance,
         started.elapsed().as_secs_f64()

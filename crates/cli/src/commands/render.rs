@@ -106,8 +106,7 @@ impl RenderArgs {
         let name = self.outfile.display().to_string();
         self.work.note(picture.lines(&name, self.stats));
         if self.json {
-            picture.figures["total_s"] = picture.total_s().into();
-            terminal::print(&(serde_json::to_string_pretty(&picture.figures)? + "\n"))?;
+            terminal::print(&(serde_json::to_string_pretty(&picture.figures())? + "\n"))?;
         }
         terminal.finish(&picture.film);
         match picture.failure {

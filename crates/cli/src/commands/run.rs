@@ -2,6 +2,7 @@
 
 use super::Command;
 use crate::flags::WorkArgs;
+use crate::interrupt;
 use anyhow::Result;
 use clap::Args;
 use organza_requests::{Error, ErrorKind, Stated};
@@ -49,9 +50,10 @@ impl Command for RunArgs {
                 written.push(path.clone());
             }
         }
+        interrupt::watch();
         for (name, request) in &requests {
             let done = request.run(&context);
-            done.map_err(|e| self.at(name, e))?;
+            drop(done.map_err(|e| self.at(name, e))?);
         }
         Ok(())
     }

@@ -52,7 +52,7 @@ impl Agreement {
 
 impl fmt::Display for Agreement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [photograph, picture] = self.mean.map(super::answer::triple);
+        let [photograph, picture] = self.mean.map(crate::triple);
         write!(
             f,
             "mean {picture}, photograph {photograph}; FLIP {:.3}; amplitude at the wale {:.3}, \

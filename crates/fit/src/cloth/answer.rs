@@ -6,6 +6,7 @@ use super::photographs::Photographs;
 use super::search::SearchResult;
 use super::sides::Side;
 use crate::FitJob;
+use crate::triple;
 use anyhow::Result;
 use organza_photograph::{ThreadGrid, name_of};
 use organza_report::PhotographFit;
@@ -127,9 +128,4 @@ impl Answer<'_> {
         };
         Ok(page.html()?)
     }
-}
-
-/// A colour.
-pub fn triple([r, g, b]: [f64; 3]) -> String {
-    format!("{r:.4} {g:.4} {b:.4}")
 }

@@ -411,6 +411,10 @@ fn run(args: &FitJob) -> Result<super::Fitted> {
         let why = "needs --back, the photograph against the light";
         args.refuse(&["back_light", "back_light_mm"], why)?;
     }
+    if args.quick {
+        let why = "takes the whole search, which --quick leaves out";
+        args.refuse(&["fit_white", "fit_light"], why)?;
+    }
     let front = args.front.as_deref();
     let front = front.ok_or_else(|| of_option("front", "expected a photograph of the cloth"))?;
     if let Some(folder) = &args.report {

@@ -6,7 +6,7 @@ use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::file_kind::Wanted;
 use organza_scene::loader::Loader;
 use organza_scene::patches::PatchModel;
-use organza_scene::representation::{Build, EXPLICIT_FIBRES, FittedOptics, ShownAs};
+use organza_scene::representation::{EXPLICIT_FIBRES, FittedOptics, ShownAs};
 use organza_weave::{Draft, preset};
 use organza_work::{of_file, of_option};
 use std::path::{Path, PathBuf};
@@ -94,9 +94,6 @@ impl<'a> ClothModel<'a> {
                 format!("{name:?} has no fibres to fit; choose another"),
             ));
         };
-        if matches!(shown.representation.build, Build::Surface(_)) {
-            return Err(of_option("model", "a surface cannot stand for the volume"));
-        }
         let folder = args.fabric.as_deref().and_then(Path::parent);
         let mut model = ClothModel {
             args,

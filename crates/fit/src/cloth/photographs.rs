@@ -12,7 +12,7 @@ use std::rc::Rc;
 
 /// The wanted part of a photograph from a file, and its share of the width.
 fn read(args: &FitJob, path: &Path) -> Result<(Photograph, f64)> {
-    let (size, pixels) = picture::read_picture(path, &args.context, args.context.max_memory_bytes)?;
+    let (size, pixels) = picture::read_picture(path, &args.context)?;
     let (min, max) = match args.crop {
         None => (UVec2::ZERO, size),
         Some(crop) if crop.min.cmplt(crop.max).all() && crop.max.cmple(size).all() => {

@@ -6,12 +6,14 @@ mod pictures;
 mod target;
 
 use super::fibres::yarns;
-use super::{FitJob, check_outputs, finish_with, journal_key, open_journal, options, table};
+use super::{
+    FitJob, check_outputs, finish_with, journal_key, open_journal, options, read_fabric, table,
+};
 use anyhow::{Context, Result};
 use corrections::Corrections;
 use organza_basis::Stopped;
 use organza_measure::fit::{Patience, determine, search};
-use organza_scene::fabric_file::{self, Fabric};
+use organza_scene::fabric_file::Fabric;
 use organza_scene::patches::{Matter, PatchModel, fabric_patch};
 use organza_scene::representation::{EXPLICIT_FIBRES, PLIES, ShownAs};
 use organza_work::Progress;
@@ -59,10 +61,7 @@ pub(crate) static TARGET: crate::Target = crate::Target {
 
 fn run(args: &FitJob) -> Result<super::Fitted> {
     refuse_flags(args)?;
-    let (mut fabric, read) = watched(&args.context, |loader| {
-        let fabric = fabric_file::load(args.fabric_path(), &args.set, loader)?;
-        Ok((fabric, loader.inputs()))
-    })?;
+    let (mut fabric, read) = read_fabric(args)?;
     check_outputs(args, &read)?;
     let shown = PatchModel::Is(&PLIES).of(&fabric, args.fabric_path())?;
     (PLIES.check)(&fabric, args.fabric_path(), &args.context.loader())?;

@@ -104,7 +104,7 @@ impl Side {
         [theta_deg, phi_deg]: [f64; 2],
         fabric: &Fabric,
     ) -> Result<Side> {
-        let (size, pixels) = read_picture(path, &args.context, args.context.max_memory_bytes)?;
+        let (size, pixels) = read_picture(path, &args.context)?;
         let (size, pixels) = shrunk(size, &pixels, MAX_TEXELS);
         if size.min_element() < MIN_TEXELS {
             return Err(of_file(

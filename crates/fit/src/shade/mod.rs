@@ -6,7 +6,10 @@ mod target;
 mod verdict;
 
 use super::fibres::model;
-use super::{FitJob, check_outputs, finish_with, journal_key, open_journal, options, table};
+use super::{
+    FitJob, check_outputs, finish_with, journal_key, measured, open_journal, options, read_fabric,
+    table,
+};
 use anyhow::Result;
 use cloth::{Cloth, Place, colour};
 use nalgebra::{DMatrix, DVector};
@@ -20,9 +23,8 @@ use organza_scene::optics::Band;
 use organza_scene::patches::{Matter, PatchOptions};
 use organza_scene::representation::ShownAs;
 use organza_work::Progress;
-use organza_work::building::watched;
 use organza_work::number_journal::NumberJournal;
-use organza_work::{InputError, of_file, of_option};
+use organza_work::{InputError, of_file};
 use target::{Equation, Seen, Target, from_numbers, mean, straight_of, to_numbers};
 use verdict::{LIGHT, SUN, Verdict};
 
@@ -120,19 +122,13 @@ impl Looks<'_> {
 }
 
 fn run(args: &FitJob) -> Result<super::Fitted> {
-    let path = args
-        .data
-        .as_deref()
-        .ok_or_else(|| of_option("data", "expected measured values"))?;
+    let path = measured(args)?;
     let text = args.context.loader().text_of(path, Wanted::Text)?;
     let light = Target::read(&text, KlemsBand::Visible, path)?;
     let light = light.ok_or_else(|| of_file(path, "has no light"))?;
     let sun = Target::read(&text, KlemsBand::Solar, path)?;
     let loader = args.context.loader();
-    let (fabric, read) = watched(&args.context, |loader| {
-        let fabric = fabric_file::load(args.fabric_path(), &args.set, loader)?;
-        Ok((fabric, loader.inputs()))
-    })?;
+    let (fabric, read) = read_fabric(args)?;
     check_outputs(args, &read)?;
     let (shown, fitted) = model(args, &fabric)?;
     let cloth = Cloth::new(args, &fabric, fitted)?;

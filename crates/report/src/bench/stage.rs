@@ -5,6 +5,7 @@ use crate::write_file::WriteFile;
 use glam::UVec2;
 use organza_basis::{Rgb, nearest_name};
 use organza_picture::{Picture, exr};
+use organza_scene::InputError;
 use organza_scene::auto::lit::Lit;
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::loader::Loader;
@@ -64,13 +65,10 @@ impl SampleSource {
         if !named.ends_with(".toml") {
             let near = nearest_name(named, Sample::names())
                 .map_or(String::new(), |near| format!("; did you mean \"{near}\"?"));
-            return Err(ReportError::of_file(
-                named,
-                format!(
-                    "expected the name of a fabric file (.toml) or one of {}{near}",
-                    Sample::names().join(", ")
-                ),
-            ));
+            return Err(ReportError::Input(InputError::new(format!(
+                "{named}: expected the name of a fabric file (.toml) or one of {}{near}",
+                Sample::names().join(", ")
+            ))));
         }
         let path = PathBuf::from(named);
         let name = path.file_stem().unwrap_or_default().to_string_lossy();

@@ -36,7 +36,6 @@ use organza_work::{Output, Request};
 use serde::Deserialize;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Textures and materials of a fabric for other programs: glTF, MaterialX, USD.
 #[derive(Clone, Debug, Args, Deserialize)]
@@ -46,7 +45,7 @@ pub struct Bake {
     #[arg(required = true, value_name = "FABRIC")]
     pub fabrics: Vec<PathBuf>,
     /// Texels of the longer side of the textures, 16 to 4096; if a power of two, so is the other side
-    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = whole::<u32>(16..=4096))]
+    #[arg(long, value_name = "N", default_value_t = Bake::default().resolution, value_parser = whole::<u32>(16..=4096))]
     pub resolution: u32,
     /// Repeats of the draft in the textures, each with fibres of its own [default: the fabric's, or about 20 threads if they have 24 texels each]
     #[arg(long, value_name = "NX,NY", allow_hyphen_values = true, value_parser = parse_repeats)]
@@ -56,23 +55,23 @@ pub struct Bake {
     #[serde(deserialize_with = "organza_work::patch_model::named")]
     pub model: PatchModel,
     /// Paths per texel of the textures, 4 to 4096
-    #[arg(long, value_name = "N", default_value_t = 32, value_parser = whole::<u32>(4..=4096))]
+    #[arg(long, value_name = "N", default_value_t = Bake::default().texel_spp, value_parser = whole::<u32>(4..=4096))]
     pub texel_spp: u32,
     /// Pairs of directions that are measured, 64 to 8192; a quarter of them judges the result
-    #[arg(long, value_name = "N", default_value_t = 320, value_parser = whole::<u32>(64..=8192))]
+    #[arg(long, value_name = "N", default_value_t = Bake::default().pairs, value_parser = whole::<u32>(64..=8192))]
     pub pairs: u32,
     /// Paths per pair, at least 2
-    #[arg(long, value_name = "N", default_value_t = 4096, value_parser = parse_paths)]
+    #[arg(long, value_name = "N", default_value_t = Bake::default().spp, value_parser = parse_paths)]
     pub spp: u64,
     /// Texels whose mean stands for the material while it is fitted, 16 to 65536
-    #[arg(long, value_name = "N", default_value_t = 256, value_parser = whole::<u32>(16..=65536))]
+    #[arg(long, value_name = "N", default_value_t = Bake::default().fit_texels, value_parser = whole::<u32>(16..=65536))]
     pub fit_texels: u32,
     /// Seed of all random numbers
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_seed)]
+    #[arg(long, value_name = "N", default_value_t = Bake::default().seed, value_parser = parse_seed)]
     #[serde(deserialize_with = "keys::seed")]
     pub seed: u64,
     /// Level of detail of a volume; 0 is the finest
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_level)]
+    #[arg(long, value_name = "N", default_value_t = Bake::default().level, value_parser = parse_level)]
     pub level: u8,
     /// Edge of the finest voxels, micrometres [default: the fabric's]
     #[arg(long, value_name = "UM", value_parser = parse_micrometres)]
@@ -463,8 +462,7 @@ fn measure(args: &BakeJob, patch: &AnyPatch, grid: &TexelGrid) -> Result<Measure
     let total =
         texels * u64::from(args.texel_spp) + (pairs.len() + straight.len()) as u64 * args.spp;
     let progress = Progress::new("measuring", total, &args.context);
-    let done = AtomicU64::new(0);
-    let watch = |paths| progress.at(done.fetch_add(paths, Ordering::Relaxed) + paths);
+    let watch = |paths| progress.add(paths);
     let looks = gather_looks(patch, grid, args.texel_spp, args.seed, &watch)?;
     let pairs = measure_pairs(patch, &pairs, &effort, &watch)?.list;
     let straight = measure_albedos(patch, &straight, &effort, &watch)?.list;

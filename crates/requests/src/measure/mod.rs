@@ -74,10 +74,10 @@ pub struct Measure {
     #[serde(deserialize_with = "organza_work::patch_model::named")]
     pub model: PatchModel,
     /// Paths per pair, at least 2; the maximum with --target-error
-    #[arg(long, value_name = "N", default_value_t = 16384, value_parser = parse_paths)]
+    #[arg(long, value_name = "N", default_value_t = Measure::default().spp, value_parser = parse_paths)]
     pub spp: u64,
     /// Seed of all random numbers
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_seed)]
+    #[arg(long, value_name = "N", default_value_t = Measure::default().seed, value_parser = parse_seed)]
     #[serde(deserialize_with = "keys::seed")]
     pub seed: u64,
     /// Stop a pair when the standard error of every channel is below this share of the value, e.g. 0.02 for 2 % (with --albedo: of the incident light)
@@ -101,10 +101,10 @@ pub struct Measure {
     #[serde(deserialize_with = "keys::name")]
     pub klems_basis: KlemsBasisName,
     /// Dimensions of --layout tensor-tree: 4 for cloth, 3 for scattering that is the same at every azimuth of the light, which is then averaged
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = whole::<u32>(3..=4))]
+    #[arg(long, value_name = "N", default_value_t = Measure::default().tree_rank, value_parser = whole::<u32>(3..=4))]
     pub tree_rank: u32,
     /// Depth of --layout tensor-tree: 2^N cells along each dimension; 1 to 7 for rank 3, 1 to 6 for rank 4
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = whole::<u32>(1..=7))]
+    #[arg(long, value_name = "N", default_value_t = Measure::default().tree_depth, value_parser = whole::<u32>(1..=7))]
     pub tree_depth: u32,
     /// Join cells of --layout tensor-tree that differ by at most this share of their value, apart from noise, e.g. 0.05 for 5 %
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
@@ -113,16 +113,16 @@ pub struct Measure {
     #[arg(long, value_name = "POLAR,AZIMUTHS,SIDE", value_parser = parse_rgl_grid, default_value = "12,24,32")]
     pub rgl_grid: [u32; 3],
     /// Positions of the lamp of --layout ptm, 12 to 1000, spread out to 75 degrees from the normal
-    #[arg(long, value_name = "N", default_value_t = 48, value_parser = whole::<u32>(12..=1000))]
+    #[arg(long, value_name = "N", default_value_t = Measure::default().ptm_lamps, value_parser = whole::<u32>(12..=1000))]
     pub ptm_lamps: u32,
     /// Degrees between positions of the lamp of --layout sweep
-    #[arg(long, value_name = "DEG", default_value_t = 5.0, value_parser = parse_positive)]
+    #[arg(long, value_name = "DEG", default_value_t = Measure::default().step, value_parser = parse_positive)]
     pub step: f64,
     /// Texels of the longer side of pictures (.exr, .ptm), 1 to 4096
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = whole::<u32>(1..=4096))]
+    #[arg(long, value_name = "N", default_value_t = Measure::default().texels, value_parser = whole::<u32>(1..=4096))]
     pub texels: u32,
     /// Level of detail of a fabric; 0 is the finest
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_level)]
+    #[arg(long, value_name = "N", default_value_t = Measure::default().level, value_parser = parse_level)]
     pub level: u8,
     /// Edge of the finest voxels, micrometres [default: the fabric's]
     #[arg(long, value_name = "UM", value_parser = parse_micrometres)]

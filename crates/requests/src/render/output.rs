@@ -28,7 +28,7 @@ pub struct Picture {
     /// How formats of display values show it.
     pub display: Display,
     /// Times, counts, means and errors.
-    pub figures: Value,
+    figures: Value,
     /// What went wrong although the picture holds samples: it was interrupted, its checkpoint cannot be
     /// saved, or samples were rejected.
     pub failure: Option<Error>,
@@ -65,17 +65,22 @@ impl Finished<'_> {
     ) -> Picture {
         let (args, file) = (self.args, &self.built.file);
         summary::warn_of_tail(args, file, &rendering);
-        let name = args.context.outputs.first().unwrap_or(&args.scene);
-        let name = name.display().to_string();
+        let name = match args.context.outputs.first() {
+            Some(path) => path.display().to_string(),
+            None => "the picture".to_owned(),
+        };
         let taken = summary::describe_samples_taken(&rendering);
         let failure = match (self.stop, saved) {
             (Stop::Interrupted, _) => {
                 let text = format!("interrupted with {taken}; {name} holds the picture so far");
                 Some(Error::new(ErrorKind::Stopped, text))
             }
-            (_, Err(e)) => Some(Error::from(e.context(format!(
-                "the picture {name} with {taken} is written, but not the checkpoint"
-            )))),
+            (_, Err(e)) => Some(Error::from(e.context(match args.context.outputs.first() {
+                Some(_) => {
+                    format!("the picture {name} with {taken} is written, but not the checkpoint")
+                }
+                None => format!("the checkpoint of {name} with {taken} is not written"),
+            }))),
             _ => summary::describe_rejected(&rendering, &name)
                 .map(|text| Error::new(ErrorKind::Work, text)),
         };
@@ -136,6 +141,13 @@ impl Picture {
         }
     }
 
+    /// Figures by their names: counts, times, means.
+    pub fn figures(&self) -> Value {
+        let mut figures = self.figures.clone();
+        figures["total_s"] = self.total_s().into();
+        figures
+    }
+
     /// Seconds since the render began.
     pub fn total_s(&self) -> f64 {
         self.started.elapsed().as_secs_f64()
@@ -164,8 +176,12 @@ impl Output for Picture {
     fn results(&self) -> Result<Results, Error> {
         match &self.failure {
             Some(failure) => Err(failure.clone()),
-            None => Ok(results::of(&self.film, self.layers(), self.figures.clone())),
+            None => Ok(results::of(&self.film, self.layers(), self.figures())),
         }
+    }
+
+    fn failure(&self) -> Option<Error> {
+        self.failure.clone()
     }
 
     fn settle(&mut self, path: &Path) {

@@ -10,7 +10,7 @@ use organza_scene::loader::Loader;
 use organza_scene::scene_build;
 use organza_scene::scene_file::{self, SceneFile};
 use organza_transport::{Crop, Film, Integrator, RenderSettings, Scene};
-use organza_work::identity::{self, NamedDigest, describe_crop};
+use organza_work::identity::{self, NamedDigest, crop_edges};
 use organza_work::{InputError, after_option, checkpoint, of_key, output};
 use std::ops::Range;
 
@@ -105,7 +105,7 @@ fn check(args: &RenderJob, file: &SceneFile, loader: &Loader<'_>) -> Result<()> 
     if let Some(why) = crop_fault(crop, size) {
         return Err(after_option(
             "crop",
-            format!("{}: {why}", describe_crop(crop)),
+            format!("{}: {why}", organza_work::keys::listed(&crop_edges(crop))),
         ));
     }
     if let Some(path) = args.checkpoint.as_deref().filter(|_| args.resume) {

@@ -47,7 +47,6 @@ pub fn figures(
         "prepare_s": times.prepare_s,
         "render_cpu_s": times.render_cpu_s,
         "render_s": times.render_s,
-        "total_s": times.render_s,
         "peak_memory_bytes": peak_memory_bytes(),
         "mean": film.mean().map(|m| m.0),
         "standard_error": known.then(|| film.mean().map(|m| m.1)),

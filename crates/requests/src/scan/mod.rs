@@ -50,7 +50,7 @@ pub struct Scan {
     #[serde(deserialize_with = "keys::some_name")]
     pub raw_type: Option<RawType>,
     /// Raw data: bytes before the first value
-    #[arg(long, value_name = "BYTES", default_value_t = 0, requires = "raw_size", value_parser = whole::<u64>(0..=u64::MAX))]
+    #[arg(long, value_name = "BYTES", default_value_t = Scan::default().raw_header, requires = "raw_size", value_parser = whole::<u64>(0..=u64::MAX))]
     pub raw_header: u64,
     /// Raw data: the most significant byte of a value comes first
     #[arg(long, requires = "raw_size")]
@@ -81,7 +81,7 @@ pub struct Scan {
     #[arg(long, visible_alias = "color", value_name = "R,G,B", value_parser = parse_colour)]
     pub colour: Option<[f32; 3]>,
     /// Ratio of end-on to broadside extinction of straight fibres: their roughness
-    #[arg(long, value_name = "SHARE", default_value_t = 0.1, value_parser = parse_ratio)]
+    #[arg(long, value_name = "SHARE", default_value_t = Scan::default().end_on_ratio, value_parser = parse_ratio)]
     pub end_on_ratio: f32,
     /// The volume repeats without end in x and y as it was scanned
     #[arg(long, conflicts_with_all = ["flatten", "tile"])]

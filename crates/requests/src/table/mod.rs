@@ -48,31 +48,31 @@ pub struct Table {
     #[serde(deserialize_with = "organza_work::patch_model::named")]
     pub model: PatchModel,
     /// Paths of light from each of the table's nodes; the maximum with --target-error
-    #[arg(long, value_name = "N", default_value_t = 131072, value_parser = parse_paths)]
+    #[arg(long, value_name = "N", default_value_t = Table::default().spp, value_parser = parse_paths)]
     pub spp: u64,
     /// Stop when the table's error at the held-out pairs up to 80 degrees, noise taken out, is below this share, e.g. 0.05 for 5 %
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     pub target_error: Option<f64>,
     /// Pairs of directions that are measured apart from the table, to find its error; 0 for none
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = whole::<usize>(0..=4096))]
+    #[arg(long, value_name = "N", default_value_t = Table::default().held_out, value_parser = whole::<usize>(0..=4096))]
     pub held_out: usize,
     /// Paths of each held-out pair
-    #[arg(long, value_name = "N", default_value_t = 16384, value_parser = parse_paths)]
+    #[arg(long, value_name = "N", default_value_t = Table::default().held_out_spp, value_parser = parse_paths)]
     pub held_out_spp: u64,
     /// Steps of the iteration that undoes the smoothing between the nodes; more make highlights sharper and the table noisier [default: until the noise of the paths is reached]
     #[arg(long, value_name = "N", value_parser = whole::<u32>(0..=u64::from(MOST_STEPS)))]
     pub sharpen: Option<u32>,
     /// Most texels of the texture, with which the table shows threads; 0 for a table without one
-    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = whole::<u32>(0..=u64::from(MAX_TEXELS)))]
+    #[arg(long, value_name = "N", default_value_t = Table::default().texels, value_parser = whole::<u32>(0..=u64::from(MAX_TEXELS)))]
     pub texels: u32,
     /// Paths from each texel and each of the texture's 58 nodes
-    #[arg(long, value_name = "N", default_value_t = 256, value_parser = parse_paths)]
+    #[arg(long, value_name = "N", default_value_t = Table::default().texel_spp, value_parser = parse_paths)]
     pub texel_spp: u64,
     /// Save what was traced to this file, and resume from it
     #[arg(long, value_name = "FILE")]
     pub journal: Option<PathBuf>,
     /// Seed of all random numbers
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_seed)]
+    #[arg(long, value_name = "N", default_value_t = Table::default().seed, value_parser = parse_seed)]
     #[serde(deserialize_with = "keys::seed")]
     pub seed: u64,
     /// Edge of the finest voxels, micrometres [default: the fabric's]
@@ -274,7 +274,6 @@ impl Work {
         let nodes = self.rings.sphere();
         let total = (paths.end - paths.start) * nodes as u64;
         let progress = Progress::new("tracing", total, &args.context);
-        let done = AtomicU64::new(0);
         let length = NodeSums::list_length(nodes);
         let place = |node: usize| [node as f64, paths.start as f64, paths.end as f64];
         // So many that the threads are busy, and few enough that little is lost by an
@@ -294,9 +293,7 @@ impl Work {
                         true => None,
                         false => Some(measure_node(patch, rings, node, paths.clone(), args.seed)),
                     };
-                    let more = paths.end - paths.start;
-                    let done = done.fetch_add(more, Ordering::Relaxed) + more;
-                    Stopped::check(progress.at(done))?;
+                    Stopped::check(progress.add(paths.end - paths.start))?;
                     result.transpose()
                 })
                 .collect::<Result<_, _>>()?;
@@ -321,8 +318,7 @@ impl Work {
     fn truth(&mut self, args: &TableJob, pairs: &[Pair]) -> Result<Vec<PairValue>> {
         let total = args.held_out_spp * pairs.len() as u64;
         let progress = Progress::new("measuring", total, &args.context);
-        let done = AtomicU64::new(0);
-        let watch = |paths| progress.at(done.fetch_add(paths, Ordering::Relaxed) + paths);
+        let watch = |paths| progress.add(paths);
         let effort = Effort {
             paths: args.held_out_spp,
             seed: args.seed,

@@ -18,7 +18,7 @@ use organza_transport::Stats;
 use organza_work::Progress;
 use rayon::prelude::*;
 use serde_json::{Value, json};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::Ordering;
 
 /// Texels to the spacing of threads, if there may be so many.
 const TEXELS_ACROSS_THREAD: f32 = 8.0;
@@ -123,7 +123,6 @@ pub fn make(args: &TableJob, work: &mut Work) -> Result<Option<MadeTexture>> {
     let (n, texels) = (eye.sphere(), layout.texels());
     let per_node = args.texel_spp * texels as u64;
     let progress = Progress::new("tracing texels", per_node * n as u64, &args.context);
-    let done = AtomicU64::new(0);
     let patch = &work.patch;
     let one = |node: usize| {
         let found = measure_texels(
@@ -134,7 +133,7 @@ pub fn make(args: &TableJob, work: &mut Work) -> Result<Option<MadeTexture>> {
             args.texel_spp,
             args.seed,
         );
-        Stopped::check(progress.at(done.fetch_add(per_node, Ordering::Relaxed) + per_node))?;
+        Stopped::check(progress.add(per_node))?;
         found
     };
     let found: Vec<_> = (0..n).into_par_iter().map(one).collect::<Result<_, _>>()?;

@@ -9,6 +9,7 @@ use crate::terminal::note;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
+use organza_basis::Stopped;
 use organza_scene::fabric_file;
 use organza_scene::loader::Input;
 use organza_work::Waiting;
@@ -199,7 +200,7 @@ pub fn run(args: &LibraryArgs) -> Result<()> {
         for (at, entry) in entries.iter().enumerate() {
             copy(args, entry)?;
             for part in &parts {
-                context.check_stop()?;
+                Stopped::check(context.flow())?;
                 let label = format!("{} of {}: {}", at + 1, entries.len(), entry.id);
                 match make(args, &program, entry, part, &label) {
                     Ok(()) => {}
