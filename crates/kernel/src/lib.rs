@@ -16,8 +16,7 @@
 //! escape, and bright parts of environment pictures by shadow rays.
 //!
 //! # Modules
-//! - [`cpu`]: the engines for processors, their lanes, and the code for their
-//!   instructions.
+//! - [`cpu`]: the engines for processors; their lanes are [`organza_lanes`].
 //! - [`gpu`]: the engine for graphics adapters, with the feature `gpu`.
 //! - [`fibres`]: explicit fibres in cells, and the walk of waves of paths among them.
 //! - [`voxels`]: micro-flakes and virtual fibres in voxels, and the walk of lanes
@@ -47,11 +46,12 @@ mod voxels;
 
 pub use block::{Block, Takes};
 pub use catalogue::{CPU_ENGINES, ENGINES, devices, engine_named};
-pub use cpu::{Backend, FibreEngine, FibreProbe, ProbePaths, VoxelEngine};
+pub use cpu::{FibreEngine, FibreProbe, ProbePaths, VoxelEngine};
 pub use devices::{DeviceKind, DeviceSummary};
 pub use engine::{Engine, EngineRecord, Lost, MadeEngine};
 pub use laid_out::LaidOut;
 pub use matter::{MAX_DIM, Matter, MatterBlocks, NO_YARN, Population, Substance, Unsuited};
+pub use organza_lanes::Backend;
 pub use refusal::Refusal;
 pub use reserve::Reserve;
 pub use voxels::fibre_tables::end_on_ratio;

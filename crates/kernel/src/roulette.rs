@@ -1,7 +1,7 @@
 //! Russian roulette of the paths in lanes.
 
-use crate::cpu::lanes::Floats;
-use crate::cpu::math::V3;
+use organza_lanes::Floats;
+use organza_lanes::math::V3;
 
 /// Survival probability over the mean throughput of a path in voxels: it lives on
 /// surely until it carries a quarter of what it began with.

@@ -1,6 +1,6 @@
 //! The inclinations of two directions about a fibre, as a blur sees them.
 
-use crate::number::Number;
+use organza_lanes::Floats;
 
 /// What the scattering of a fibre needs of two inclinations theta_in and theta_out.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,23 +14,21 @@ pub struct InclinationPair<N> {
     pub mean_cos: N,
 }
 
-impl<N: Number> InclinationPair<N> {
+impl<N: Floats> InclinationPair<N> {
     /// From sines and cosines of both inclinations.
     #[inline(always)]
     pub fn new([sin_in, cos_in]: [N; 2], [sin_out, cos_out]: [N; 2]) -> InclinationPair<N> {
         let (cosines, sines) = (cos_out * cos_in, sin_out * sin_in);
         let (oi, io) = (sin_out * cos_in, cos_out * sin_in);
-        let (cos_difference, sin_difference) = (cosines + sines, (oi - io).magnitude());
+        let (cos_difference, sin_difference) = (cosines + sines, (oi - io).abs());
         // The half angle's cosine, from whichever form does not cancel.
-        let half = N::constant(0.5);
-        let root = half
-            .times_plus(cos_difference.magnitude(), half)
-            .square_root();
+        let half = N::splat(0.5);
+        let root = half.mul_add(cos_difference.abs(), half).sqrt();
         let behind = half * sin_difference / root;
         InclinationPair {
             sum: [oi + io, cosines - sines],
             folded: [sin_difference, -cos_difference],
-            mean_cos: behind.where_negative(cos_difference, root),
+            mean_cos: behind.or_where_not(cos_difference.below(N::splat(0.0)), root),
         }
     }
 }

@@ -1,8 +1,5 @@
 //! Explicit fibres on a processor: waves of paths, for films and for measurements.
 
-use super::backend::Backend;
-use super::dispatch::{Job, dispatch_sixteen};
-use super::lanes::Floats;
 use crate::block::Block;
 use crate::engine::{Engine, Lost};
 use crate::fibres::cache::learn::learn;
@@ -14,6 +11,9 @@ use crate::fibres::walk::Walk;
 use crate::fibres::work::{FilmWork, Work};
 use crate::refusal::Refusal;
 use organza_film::Stats;
+use organza_lanes::Backend;
+use organza_lanes::Floats;
+use organza_lanes::dispatch::{Job, dispatch_sixteen};
 use std::sync::Arc;
 
 /// Walks explicit fibres on a processor.

@@ -1,8 +1,6 @@
 //! Paths from anywhere through explicit fibres, for measurements.
 
-use super::backend::Backend;
 use super::fibre_engine::run;
-use super::math::pixel_key;
 use crate::fibres::cache::CacheUse;
 use crate::fibres::matter::FibreMatter;
 use crate::fibres::walk::Walk;
@@ -10,6 +8,8 @@ use crate::fibres::work::{End, Start, WAVE, Work};
 use glam::DVec3;
 use organza_basis::Rgb;
 use organza_film::{Escape, PathSample, Stats};
+use organza_lanes::Backend;
+use organza_lanes::math::pixel_key;
 use organza_light::Light;
 use std::ops::Range;
 use std::sync::Arc;

@@ -1,9 +1,9 @@
 //! The engines for processors as they are registered: one for each back end.
 
-use super::backend::Backend;
 use super::fibre_engine::FibreEngine;
 use super::voxel_engine::VoxelEngine;
 use crate::engine::EngineRecord;
+use organza_lanes::Backend;
 
 /// One lane.
 pub const SCALAR: EngineRecord = EngineRecord {

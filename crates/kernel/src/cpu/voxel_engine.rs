@@ -1,8 +1,5 @@
 //! Micro-flakes and virtual fibres in voxels on a processor.
 
-use super::backend::Backend;
-use super::dispatch::{Job, dispatch_widest};
-use super::lanes::Floats;
 use crate::block::Block;
 use crate::engine::{Engine, Lost};
 use crate::refusal::Refusal;
@@ -11,6 +8,9 @@ use crate::voxels::flat_scene::FlatScene;
 use crate::voxels::virtual_fibres::VirtualFibres;
 use crate::voxels::walk::walk;
 use organza_film::Stats;
+use organza_lanes::Backend;
+use organza_lanes::Floats;
+use organza_lanes::dispatch::{Job, dispatch_widest};
 use std::sync::Arc;
 
 /// Walks voxels on a processor.

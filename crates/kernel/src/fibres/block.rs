@@ -1,7 +1,7 @@
 //! Sixteen straight pieces of fibre against one ray.
 
-use crate::cpu::lanes::{Floats, Mask};
-use crate::cpu::math::V3;
+use organza_lanes::math::V3;
+use organza_lanes::{Floats, Mask};
 
 /// Pieces in a block.
 pub const BLOCK: usize = 16;

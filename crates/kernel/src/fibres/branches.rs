@@ -3,9 +3,9 @@
 use super::importance::Importance;
 use super::paths::{Column, Paths, State, get, put, store};
 use super::work::WAVE;
-use crate::cpu::lanes::{Floats, Mask, SetBits};
-use crate::cpu::math::{LaneRng, V3};
 use glam::{IVec2, IVec3, Vec3};
+use organza_lanes::math::{LaneRng, V3};
+use organza_lanes::{Floats, Mask, SetBits};
 
 /// A path is divided where it carries more than the inverse of this over its importance.
 const SCALE: f32 = 3.0;
@@ -122,10 +122,10 @@ pub fn divide<F: Floats>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::lanes::{Ints, one};
     use crate::fibres::matter::FibreMatter;
     use glam::DVec3;
     use organza_basis::Rgb;
+    use organza_lanes::{Ints, one};
     use organza_light::{DirectionalLight, Light};
 
     /// What all the paths carry that one is divided into, on average over many numbers, and

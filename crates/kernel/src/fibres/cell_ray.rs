@@ -6,10 +6,10 @@ use super::cells::Cells;
 use super::grid::{Grid, GridPoint};
 use super::joint_table::JointTable;
 use super::matter::FibreMatter;
-use crate::cpu::lanes::Floats;
-use crate::cpu::math::V3;
 use glam::{IVec2, IVec3, Vec3};
 use organza_basis::MAX_PERIODS;
+use organza_lanes::Floats;
+use organza_lanes::math::V3;
 
 /// Directions have no smaller component than this, so that dividing by it gives
 /// a number.

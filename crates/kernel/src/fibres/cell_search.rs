@@ -6,8 +6,8 @@ use super::cells::{Cells, Head};
 use super::hull::{HullBlock, hull_entries};
 use super::joint_table::JointTable;
 use super::lists::{Found, Lists};
-use crate::cpu::lanes::Floats;
 use glam::{IVec2, IVec3, Vec3};
+use organza_lanes::Floats;
 
 impl CellRay {
     /// The nearest entry, or any, among copies of pieces.

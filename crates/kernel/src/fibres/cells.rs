@@ -14,8 +14,8 @@ use super::hull::HullBlock;
 use super::lists::Lists;
 use super::reached::for_each_cell;
 use super::strands::Strands;
-use crate::cpu::prefetch;
 use glam::DVec3;
+use organza_lanes::prefetch;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 

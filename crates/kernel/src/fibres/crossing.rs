@@ -4,8 +4,8 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::optics::LOBES;
-use crate::cpu::lanes::Floats;
-use crate::cpu::math::{V3, exp2, turns_of};
+use organza_lanes::Floats;
+use organza_lanes::math::{V3, exp2, turns_of};
 use std::f32::consts::{LOG2_E, PI, TAU};
 
 /// Least cosine of the inclination that angles are computed with.

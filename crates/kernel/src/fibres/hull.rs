@@ -1,8 +1,8 @@
 //! Sixteen pieces of fibre with round ends, or that taper, against one ray.
 
 use super::block::{BLOCK, Entries, RayLanes, numbers, vectors};
-use crate::cpu::lanes::Floats;
-use crate::cpu::math::V3;
+use organza_lanes::Floats;
+use organza_lanes::math::V3;
 
 /// The square of a radius that no ray meets.
 const NO_SPHERE: f32 = -1e30;

@@ -8,10 +8,10 @@
 //! finds nothing. So the first kind is divided into several paths that carry less, and the
 //! other kind ends early. Both leave the mean as it is.
 
-use crate::cpu::lanes::Floats;
-use crate::cpu::math::V3;
 use glam::Vec3;
 use organza_basis::PathRng;
+use organza_lanes::Floats;
+use organza_lanes::math::V3;
 use organza_light::{Hemisphere, KernelLight, Light, LightSearch};
 use std::f32::consts::PI;
 
@@ -158,8 +158,8 @@ fn beam(light: &Light, from_mm: Vec3) -> Option<Beam> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::lanes::one;
     use organza_basis::Rgb;
+    use organza_lanes::one;
     use organza_light::{DirectionalLight, EnvironmentLight, RectangleLight};
 
     fn sun(direction: Vec3, irradiance: f32) -> Light {

@@ -2,10 +2,10 @@
 
 use super::copies::mitre_mm;
 use super::strands::{Joint, Strand, Strands};
-use crate::cpu::lanes::{Floats, Ints};
-use crate::cpu::math::V3;
-use crate::cpu::prefetch;
 use glam::Vec3;
+use organza_lanes::math::V3;
+use organza_lanes::prefetch;
+use organza_lanes::{Floats, Ints, vector_of, word_of};
 use rayon::prelude::*;
 
 /// Words of a joint.
@@ -127,8 +127,8 @@ impl JointTable {
 
     /// The unit tangent of a piece so far from the mitre before its first joint.
     pub fn tangent(&self, piece: u32, along_mm: f32) -> Vec3 {
-        let one = crate::cpu::lanes::one::F(along_mm);
-        let t = self.tangents(<crate::cpu::lanes::one::U as Ints>::splat(piece), one);
+        let one = organza_lanes::one::F(along_mm);
+        let t = self.tangents(<organza_lanes::one::U as Ints>::splat(piece), one);
         Vec3::new(t.x.0, t.y.0, t.z.0)
     }
 
@@ -182,20 +182,4 @@ fn words_of((joints, k): (&[Joint], usize), material: u32, strand: u32) -> [u32;
     let cut = if joint.cut { CUT } else { 0 };
     let per_length = (per_length as f32).to_bits();
     [x, y, z, before, after, per_length, material, strand | cut]
-}
-
-/// A word behind a place of a table.
-#[inline(always)]
-pub fn word_of<F: Floats>(words: &[u32], first: F::Ints, k: u32) -> F {
-    (first + F::Ints::splat(k)).gather(words).as_floats()
-}
-
-/// Three words behind a place of a table.
-#[inline(always)]
-pub fn vector_of<F: Floats>(words: &[u32], first: F::Ints, k: u32) -> V3<F> {
-    V3 {
-        x: word_of::<F>(words, first, k),
-        y: word_of::<F>(words, first, k + 1),
-        z: word_of::<F>(words, first, k + 2),
-    }
 }

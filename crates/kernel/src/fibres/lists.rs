@@ -172,8 +172,8 @@ impl Lists {
     /// Asks for the numbers of a cell.
     #[inline(always)]
     pub fn prefetch(&self, head: &Head) {
-        crate::cpu::prefetch(&self.entries, head.blocks as usize);
-        crate::cpu::prefetch(&self.entries, head.blocks as usize + 8);
+        organza_lanes::prefetch(&self.entries, head.blocks as usize);
+        organza_lanes::prefetch(&self.entries, head.blocks as usize + 8);
     }
 
     /// Up to sixteen plain pieces in the frame of a cell: what [`Ends::write_block`]

@@ -8,12 +8,12 @@ use super::joint_table::JointTable;
 use super::optics::Optics;
 use super::plane::FibrePlane;
 use super::strands::Strands;
-use crate::cpu::Backend;
-use crate::cpu::dispatch::{Job, dispatch_sixteen};
-use crate::cpu::lanes::Floats;
 use crate::packed::{FibreVolume, PackedPart, PackedVoxels, Switch};
 use crate::refusal::Refusal;
 use glam::{DVec3, Vec3};
+use organza_lanes::Backend;
+use organza_lanes::Floats;
+use organza_lanes::dispatch::{Job, dispatch_sixteen};
 use organza_scatter::Fibre;
 use std::sync::Arc;
 

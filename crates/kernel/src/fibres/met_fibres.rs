@@ -7,11 +7,11 @@ use super::near_event::Met;
 use super::own_frame::OwnFrame;
 use super::paths::{Paths, load};
 use super::several::point_mm;
-use crate::cpu::lanes::{Floats, Ints, Mask};
-use crate::cpu::math::{LaneRng, V3};
 use crate::packed::PackedPart;
 use crate::packed::volume_ray::{Departure, VolumeRay};
 use glam::{DVec3, Vec3};
+use organza_lanes::math::{LaneRng, V3};
+use organza_lanes::{Floats, Ints, Mask};
 
 /// Fibres in lanes.
 pub struct MetFibres<F: Floats> {

@@ -7,9 +7,9 @@
 
 use super::crossing::{Crossing, atan2, exp};
 use super::optics::{Balanced, LOBES, Material, Optics};
-use crate::cpu::lanes::{Floats, Ints, Mask};
-use crate::cpu::math::{LaneRng, V3, beside, minus_ln, positive, sin_cos_of_turns};
 use glam::Vec3;
+use organza_lanes::math::{LaneRng, V3, beside, minus_ln, positive, sin_cos_of_turns};
+use organza_lanes::{Floats, Ints, Mask};
 use organza_scatter::InclinationPair;
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 

@@ -1,9 +1,9 @@
 //! How fibres scatter, laid out for lanes.
 
-use super::joint_table::word_of;
 use super::section_lobes::{SectionLobes, lay_out_section};
-use crate::cpu::lanes::{Floats, Ints, Mask};
-use crate::cpu::math::V3;
+use organza_lanes::math::V3;
+use organza_lanes::word_of;
+use organza_lanes::{Floats, Ints, Mask};
 use organza_scatter::{Fibre, NearKind};
 use std::f32::consts::PI;
 

@@ -2,8 +2,8 @@
 
 use super::near_event::Met;
 use super::paths::{Paths, load};
-use crate::cpu::lanes::Floats;
-use crate::cpu::math::V3;
+use organza_lanes::Floats;
+use organza_lanes::math::V3;
 
 /// What the cloths that lanes are in have instead of the world's directions.
 pub struct OwnFrame<F: Floats> {
@@ -87,7 +87,7 @@ fn beside_and_ahead<F: Floats>(tangent: V3<F>, w: V3<F>) -> (V3<F>, V3<F>) {
     let square = cross.dot(cross);
     let is_long = F::splat(1e-14).below(square);
     let length = square.max(F::splat(1e-14)).sqrt();
-    let any = crate::cpu::math::beside(tangent);
+    let any = organza_lanes::math::beside(tangent);
     let beside = cross
         .scaled(F::splat(1.0) / length)
         .or_where_not(is_long, any);

@@ -6,11 +6,11 @@ use super::cell_ray::{CellHit, CellRay};
 use super::matter::FibreMatter;
 use super::trip::{MetFibre, Trip};
 use super::work::WAVE;
-use crate::cpu::lanes::{Floats, Ints};
-use crate::cpu::math::{LaneRng, V3};
 use crate::packed::volume_ray::VolumeRay;
 use glam::{DVec3, IVec2, IVec3, Vec3};
 use organza_film::FirstEvent;
+use organza_lanes::math::{LaneRng, V3};
+use organza_lanes::{Floats, Ints};
 
 /// A number of every slot.
 pub type Column = [f32; WAVE];
@@ -149,7 +149,7 @@ impl Paths {
 
     /// A new path in a slot.
     pub fn begin(&mut self, slot: usize, key: (u32, u32), index: u32, direction: Vec3) {
-        let [pixel, sample, count] = crate::cpu::math::lane_name(key, index);
+        let [pixel, sample, count] = organza_lanes::math::lane_name(key, index);
         (self.rng[0][slot], self.rng[1][slot], self.rng[2][slot]) = (pixel, sample, count);
         put(&mut self.direction, slot, direction);
         put(&mut self.throughput, slot, Vec3::ONE);

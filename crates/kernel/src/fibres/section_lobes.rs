@@ -7,11 +7,11 @@
 // the back end's instructions.
 #![allow(clippy::needless_range_loop)]
 
-use super::joint_table::{vector_of, word_of};
 use super::optics::{LOBES, Optics};
-use crate::cpu::lanes::{Floats, Ints};
-use crate::cpu::math::V3;
 use organza_basis::AliasTable;
+use organza_lanes::math::V3;
+use organza_lanes::{Floats, Ints};
+use organza_lanes::{vector_of, word_of};
 use organza_scatter::{FAR_ROWS, SectionTable};
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -177,11 +177,11 @@ fn mixed<F: Floats>(a: V3<F>, b: V3<F>, share: F) -> V3<F> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::lanes::one;
     use crate::fibres::near_event::{Met, NearEvent};
     use glam::Vec3;
     use organza_basis::hypothesis::LineGrid;
     use organza_basis::{PathRng, Rgb, warp};
+    use organza_lanes::one;
     use organza_scatter::{
         DielectricFibre, DielectricParameters, Fibre, FibreFrame, Lobe, Section,
     };

@@ -9,12 +9,12 @@ use super::plane::FibrePlane;
 use super::shade::{SHADOW_SCALE, Shading};
 use super::shadows::Shadows;
 use super::trip::{TripEnd, TripStart};
-use crate::cpu::lanes::one;
-use crate::cpu::math::V3;
 use crate::roulette::{FIBRE_SCALE, survivors};
 use glam::{DVec3, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
 use organza_film::Stats;
+use organza_lanes::math::V3;
+use organza_lanes::one;
 use organza_light::{Light, LightSearch};
 
 /// Sends the path of a slot off along its direction.

@@ -16,14 +16,14 @@ use super::several::{point_mm, set_out, start_at};
 use super::shadows::Shadows;
 use super::trip::TripEnd;
 use super::work::WAVE;
-use crate::cpu::lanes::{Floats, Ints, Mask, SetBits};
-use crate::cpu::math::{LaneRng, V3};
 use crate::packed::PackedPart;
 use crate::packed::volume_ray::VolumeRay;
 use crate::roulette::{FIBRE_SCALE, survivors, survivors_by};
 use glam::Vec3;
 use organza_basis::{PathRng, Ray};
 use organza_film::{FirstEvent, SiteInfo, Stats};
+use organza_lanes::math::{LaneRng, V3};
+use organza_lanes::{Floats, Ints, Mask, SetBits};
 use organza_light::{KernelLight, Light, LightSearch};
 
 /// A shadow ray is traced surely when the light scattered toward the camera is at

@@ -4,10 +4,10 @@ use super::cell_ray::{CellRay, Visit};
 use super::matter::FibreMatter;
 use super::trip::{Trip, TripEnd, TripStart};
 use super::walk::AHEAD;
-use crate::cpu::lanes::Floats;
 use crate::packed::volume_ray::{NOWHERE, VolumeRay};
 use glam::{DVec3, Vec3};
 use organza_film::Stats;
+use organza_lanes::Floats;
 
 /// Rays toward lights, and what each adds to its path when nothing is in the way.
 pub struct Shadows {

@@ -10,13 +10,13 @@ use super::several::{go_on, meet_plane, set_out};
 use super::shade::{Shading, has_place, shade};
 use super::shadows::Shadows;
 use super::work::{End, Start, WAVE, Work};
-use crate::cpu::lanes::Floats;
 use crate::matter::NO_YARN;
 use crate::packed::PackedPart;
 use crate::packed::flight::{FlightCounts, fly};
 use crate::packed::volume_ray::{Departure, NOWHERE, UNDER_WAY, VolumeRay};
 use organza_basis::Rgb;
 use organza_film::Stats;
+use organza_lanes::Floats;
 use organza_light::{KernelLight, Light, LightSearch};
 
 /// Rays between asking for the memory of a cell and looking into it. The blocks of a few

@@ -6,7 +6,7 @@ use organza_film::{Brightness, Camera, FirstEvent, Pixel, Sample, Stats, Tally};
 
 use super::cache::Note;
 use crate::block::Block;
-use crate::cpu::math::pixel_key;
+use organza_lanes::math::pixel_key;
 
 /// A path to walk.
 #[derive(Clone, Copy, Debug)]

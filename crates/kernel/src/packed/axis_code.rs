@@ -1,9 +1,9 @@
 //! Unit axes in a few bits: projected to the octahedron `|x| + |y| + |z| = 1`, whose lower
 //! half is folded over the upper one [Cigolle2014].
 
-use crate::cpu::lanes::{Floats, Ints};
-use crate::cpu::math::{V3, with_sign_of};
 use glam::Vec3;
+use organza_lanes::math::{V3, with_sign_of};
+use organza_lanes::{Floats, Ints};
 
 /// The code of an axis, of `bits` bits for each of two coordinates.
 pub fn encoded(axis: Vec3, bits: u32) -> u32 {
@@ -44,8 +44,8 @@ fn coordinate<F: Floats, const BITS: u32>(code: F::Ints) -> F {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::lanes::one;
     use organza_basis::{PathRng, warp};
+    use organza_lanes::one;
 
     #[test]
     fn axes_come_back() {

@@ -1,9 +1,9 @@
 //! Packed fibres in voxels, laid out for lanes.
 
-use crate::cpu::lanes::{Floats, Ints};
-use crate::cpu::math::V3;
 use glam::{DVec3, UVec3, Vec2, Vec3};
 use organza_basis::CellGrid;
+use organza_lanes::math::V3;
+use organza_lanes::{Floats, Ints};
 
 /// No yarn: what rays from outside the cloth leave.
 pub use crate::matter::NO_YARN;
@@ -144,7 +144,7 @@ impl FibreVolume {
 
     /// Unit mean axis of the population at a place.
     pub fn axis(&self, place: u32) -> Vec3 {
-        use crate::cpu::lanes::one;
+        use organza_lanes::one;
         let axis = self.populations::<one::F>(one::U(place)).axis();
         Vec3::new(axis.x.0, axis.y.0, axis.z.0).normalize()
     }

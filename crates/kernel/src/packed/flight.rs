@@ -4,11 +4,11 @@
 use super::axis_code::decoded;
 use super::fibre_volume::{FibreVolume, NO_YARN, PLACE_BITS};
 use super::volume_ray::{NOWHERE, UNDER_WAY, VolumeRay};
-use crate::cpu::lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
-use crate::cpu::math::{LaneRng, V3, beside, minus_ln, positive};
 use crate::voxels::camera_rays::inverse_of_step;
 use crate::voxels::fibre_tables::area_squared;
 use crate::voxels::voxel_words::{MOST, bound_of_code, reach_of_code};
+use organza_lanes::math::{LaneRng, V3, beside, minus_ln, positive};
+use organza_lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
 
 /// Reaches are taken to end so much, in voxels, before they do, so that
 /// rounding takes no place beyond them.

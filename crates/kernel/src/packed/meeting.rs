@@ -3,11 +3,11 @@
 
 use super::fibre_volume::FibreVolume;
 use super::volume_ray::VolumeRay;
-use crate::cpu::lanes::{Floats, MAX_LANES, Mask, SetBits};
-use crate::cpu::math::{LaneRng, V3, beside};
 use crate::fibres::near_event::Met;
 use crate::voxels::population_tables::populations;
 use crate::voxels::seen_tangent::SpreadFibres;
+use organza_lanes::math::{LaneRng, V3, beside};
+use organza_lanes::{Floats, MAX_LANES, Mask, SetBits};
 
 /// Packed fibres that lanes met.
 pub struct PackedMeeting<F: Floats> {
@@ -43,7 +43,7 @@ impl FibreVolume {
         }
         let one = F::splat(1.0);
         let [x, y, z, offset] = columns.map(|c| F::load(&c));
-        let population = self.populations::<F>(crate::cpu::lanes::Ints::load(&places));
+        let population = self.populations::<F>(organza_lanes::Ints::load(&places));
         let axis = population.axis();
         let fibres = SpreadFibres {
             axis: axis.scaled(one / axis.dot(axis).sqrt()),

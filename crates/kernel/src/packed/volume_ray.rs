@@ -26,7 +26,7 @@ pub struct VolumeRay {
     pub offset: f32,
     /// The yarn that it leaves, or [`NO_YARN`](super::fibre_volume::NO_YARN).
     pub left_yarn: u32,
-    /// Its random numbers: [`LaneRng::words`](crate::cpu::math::LaneRng::words).
+    /// Its random numbers: [`LaneRng::words`](organza_lanes::math::LaneRng::words).
     pub rng: [u32; 3],
     /// The population that was met, or [`NOWHERE`] or [`UNDER_WAY`].
     pub place: u32,

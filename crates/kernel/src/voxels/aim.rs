@@ -5,10 +5,10 @@ use super::flat_scene::FlatScene;
 use super::optical_depth_table::OpticalDepthTable;
 use super::shadow_ray::ShadowRay;
 use super::walk::{Paths, stored};
-use crate::cpu::lanes::{Floats, MAX_LANES, Mask, SetBits};
-use crate::cpu::math::{V3, exp2};
 use glam::Vec3;
 use organza_film::Stats;
+use organza_lanes::math::{V3, exp2};
+use organza_lanes::{Floats, MAX_LANES, Mask, SetBits};
 use std::f32::consts::LOG2_E;
 
 /// An exact shadow ray is followed for sure to so much more optical depth than

@@ -1,10 +1,10 @@
 //! Matter of blocks: the periods of the grid that paths walk in are crossings, and an index
 //! gives the block that each crossing shows.
 
-use crate::cpu::lanes::{Floats, Ints};
 use crate::matter::{Matter, MatterBlocks};
 use glam::{IVec2, UVec2, UVec3, Vec2, Vec3};
 use organza_basis::{Aabb, CellGrid};
+use organza_lanes::{Floats, Ints};
 use std::sync::Arc;
 
 /// Which block each crossing shows.

@@ -3,11 +3,11 @@
 //! [`organza_film::Camera`] makes the rays of the general walk.
 
 use super::borders::Borders;
-use crate::cpu::lanes::Floats;
-use crate::cpu::math::{LaneRng, V3, minus_ln, positive, sin_cos_of_turns, with_sign_of};
 use glam::{DVec3, Vec3};
 use organza_basis::CellGrid;
 use organza_film::{Camera, PixelFilter, Projection};
+use organza_lanes::Floats;
+use organza_lanes::math::{LaneRng, V3, minus_ln, positive, sin_cos_of_turns, with_sign_of};
 
 /// A camera, seen from one medium.
 ///

@@ -14,10 +14,10 @@
 
 use super::flat_medium::FlatMedium;
 use super::optical_depth_table::{Nodes, OpticalDepthTable, extinctions};
-use crate::cpu::lanes::{Floats, Ints};
-use crate::cpu::math::{V3, sin_cos_of_turns, turns_of};
 use glam::Vec3;
 use organza_basis::{AliasTable, Rgb};
+use organza_lanes::math::{V3, sin_cos_of_turns, turns_of};
+use organza_lanes::{Floats, Ints};
 use organza_light::ImageEnvironment;
 use std::f32::consts::{PI, TAU};
 

@@ -4,10 +4,10 @@ use super::environment::{Parts, Sky};
 use super::flat_medium::FlatMedium;
 use super::matter_tests::bundles;
 use super::optical_depth_table::Nodes;
-use crate::cpu::lanes::{self, Mask, one};
-use crate::cpu::math::{LaneRng, V3, pixel_key};
 use glam::{UVec2, Vec3};
 use organza_basis::{PathRng, Rgb, warp};
+use organza_lanes::math::{LaneRng, V3, pixel_key};
+use organza_lanes::{Ints, Mask, one};
 use organza_light::ImageEnvironment;
 use organza_testing::environment_with_lamps;
 
@@ -71,7 +71,7 @@ fn lamps_are_what_the_sky_lacks() {
     }
     let (a, b) = pixel_key(5, 5);
     for sample in 0..n {
-        let word = |x: u32| <one::U as lanes::Ints>::splat(x);
+        let word = |x: u32| <one::U as Ints>::splat(x);
         let mut rng = LaneRng::new((word(a), word(b)), word(sample));
         let mut light = [0.0f32; 6];
         for lamp in &sky.lamps {

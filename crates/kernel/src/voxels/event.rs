@@ -3,8 +3,8 @@
 
 use super::flat_scene::FlatScene;
 use super::voxel_words::VoxelWords;
-use crate::cpu::lanes::{Floats, Ints};
-use crate::cpu::math::{LaneRng, V3};
+use organza_lanes::math::{LaneRng, V3};
+use organza_lanes::{Floats, Ints};
 
 /// Matter that lanes met, and how.
 pub struct Meeting<F: Floats> {

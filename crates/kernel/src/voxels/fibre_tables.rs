@@ -28,10 +28,10 @@
 
 use super::event_weights::{EventWeights, LobeRow};
 use super::population_tables::populations;
-use crate::cpu::lanes::{Floats, Ints, one};
-use crate::cpu::math::V3;
 use glam::Vec3;
 use organza_basis::AliasTable;
+use organza_lanes::math::V3;
+use organza_lanes::{Floats, Ints, one};
 use organza_scatter::{FAR_LOBES, FAR_ROWS, Fibre, effective_cross_section};
 use std::f32::consts::PI;
 

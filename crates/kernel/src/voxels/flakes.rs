@@ -3,9 +3,9 @@
 use super::event::{Event, Meeting, Turn};
 use super::flat_scene::FlatScene;
 use super::voxel_words::VoxelWords;
-use crate::cpu::lanes::{Floats, Ints, Mask};
-use crate::cpu::math::{LaneRng, V3, sin_cos_of_turns};
 use glam::Vec3;
+use organza_lanes::math::{LaneRng, V3, sin_cos_of_turns};
+use organza_lanes::{Floats, Ints, Mask};
 use std::f32::consts::FRAC_1_PI;
 
 /// A flake population in every lane.

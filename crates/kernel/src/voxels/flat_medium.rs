@@ -20,11 +20,11 @@ use super::blocks::Blocks;
 use super::fibre_tables::{WIDE_RAD, area_squared, end_on_ratio};
 use super::population_tables::populations;
 use super::voxel_words::{VoxelWords, WORDS};
-use crate::cpu::lanes::{Floats, Ints, one};
 use crate::matter::NO_YARN;
 use glam::Vec3;
 use organza_basis::CellGrid;
 use organza_film::{FirstEvent, SiteInfo};
+use organza_lanes::{Floats, Ints, one};
 use std::sync::Arc;
 
 /// The index of no population.

@@ -5,11 +5,11 @@ use super::flat_scene::FlatScene;
 use super::voxel_words::VoxelWords;
 use super::walk::{Paths, add_panels_in_sight, stored};
 use crate::block::Block;
-use crate::cpu::lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
-use crate::cpu::math::{LaneRng, V3, pixel_key};
 use glam::Vec3;
 use organza_film::Stats;
 use organza_film::{Sample, Tally};
+use organza_lanes::math::{LaneRng, V3, pixel_key};
+use organza_lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
 
 /// The samples under way in all lanes.
 pub struct LaneWork {

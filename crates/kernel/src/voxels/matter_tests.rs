@@ -4,10 +4,10 @@
 use super::flat_medium::FlatMedium;
 use super::optical_depth_table::{self, Nodes, OpticalDepthTable, extinctions};
 use super::{shadow_ray, voxel_words};
-use crate::cpu::lanes::{Ints, one};
 use crate::matter::{Matter, NO_YARN, Population, Substance, Unsuited};
 use glam::{IVec3, UVec3, Vec3};
 use organza_basis::{Aabb, CellGrid, PathRng, Rgb, warp};
+use organza_lanes::{Ints, one};
 use organza_scatter::{AxialFlake, Fibre, MicroFlake};
 
 /// Populations of every voxel.

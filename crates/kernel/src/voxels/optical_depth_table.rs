@@ -11,11 +11,11 @@ use super::flat_medium::FlatMedium;
 use super::panel::Panel;
 use super::shadow_ray::ShadowRay;
 use super::voxel_walk::VoxelWalk;
-use crate::cpu::lanes::{Floats, Ints};
-use crate::cpu::math::V3;
 use glam::{IVec2, IVec3, UVec3, Vec3};
 use organza_basis::CellGrid;
 use organza_basis::Rgb;
+use organza_lanes::math::V3;
+use organza_lanes::{Floats, Ints};
 use rayon::prelude::*;
 use std::sync::Arc;
 

@@ -3,10 +3,10 @@
 //! The table of such a light is that of parallel light from its middle to that
 //! of the matter: a guess, which the exact rays set right.
 
-use crate::cpu::lanes::Floats;
-use crate::cpu::math::V3;
 use glam::{DVec3, Vec3};
 use organza_basis::CellGrid;
+use organza_lanes::Floats;
+use organza_lanes::math::V3;
 use organza_light::RectangleLight;
 
 /// Greatest area over the squared distance from the matter: nearer light is

@@ -2,8 +2,8 @@
 //! spread, and what they show, by quadrature. The same for all fibres.
 
 use super::fibre_tables::{WIDE_RAD, area_squared};
-use crate::cpu::lanes::{Floats, one};
 use organza_basis::quadrature::{gauss_legendre, integrate_rule};
+use organza_lanes::{Floats, one};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::LazyLock;

@@ -2,8 +2,8 @@
 
 use super::fibre_tables::{WIDE_RAD, area_squared};
 use super::population_tables::{CODES_PER_ROW_LOG2, SHOWN_NODES};
-use crate::cpu::lanes::{Floats, Ints, Mask};
-use crate::cpu::math::{LaneRng, V3, beside, exp2, minus_ln, positive, sin_cos_of_turns};
+use organza_lanes::math::{LaneRng, V3, beside, exp2, minus_ln, positive, sin_cos_of_turns};
+use organza_lanes::{Floats, Ints, Mask};
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, LOG2_E, TAU};
 
 /// A population of fibres in every lane, spread about an axis.

@@ -9,9 +9,9 @@ use super::event::{Event, Meeting, Turn};
 use super::fibre_tables::{CHANCES, FibreTables, HEAD, ROW_HEAD, area_squared, colour, scale_of};
 use super::flat_scene::FlatScene;
 use super::seen_tangent::{SeenTangent, SpreadFibres};
-use crate::cpu::lanes::{Floats, Ints, Mask};
-use crate::cpu::math::{LaneRng, V3, exp2, minus_ln, positive, sin_cos_of_turns, turns_of};
 use glam::Vec3;
+use organza_lanes::math::{LaneRng, V3, exp2, minus_ln, positive, sin_cos_of_turns, turns_of};
+use organza_lanes::{Floats, Ints, Mask};
 use organza_scatter::{FAR_LOBES, FAR_ROWS, InclinationPair};
 use std::f32::consts::{LOG2_E, TAU};
 

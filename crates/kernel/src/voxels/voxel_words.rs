@@ -17,9 +17,9 @@
 //! greatest, e to 0.25 % above 0.01, and the axis to 1e-3 rad (4e-4 on average):
 //! less than voxels know of the fibres in them.
 
-use crate::cpu::lanes::{Floats, Ints};
-use crate::cpu::math::{V3, with_sign_of};
 use glam::Vec3;
+use organza_lanes::math::{V3, with_sign_of};
+use organza_lanes::{Floats, Ints};
 
 /// Words of a voxel, or of one of the populations in it.
 pub const WORDS: usize = 2;

@@ -10,11 +10,11 @@ use super::lane_work::{LaneWork, regenerate};
 use super::optical_depth_table::depth;
 use super::voxel_words::{MOST, VoxelWords, WORDS};
 use crate::block::Block;
-use crate::cpu::lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
-use crate::cpu::math::{LaneRng, V3, minus_ln, positive, with_sign_of};
 use crate::roulette::{VOXEL_SCALE, survivors};
 use glam::Vec3;
 use organza_film::Stats;
+use organza_lanes::math::{LaneRng, V3, minus_ln, positive, with_sign_of};
+use organza_lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
 
 /// Reaches are taken to end so much, in voxels, before they do, so that
 /// rounding takes no place beyond them.

@@ -8,12 +8,12 @@ use super::plan::{CacheMode, CachePlan, CacheReport, LearnWatch, Stopped};
 use super::table::RadianceTable;
 use super::tree::{RadianceTree, Record};
 use super::{CacheUse, Note, Notes, RadianceCache};
-use crate::cpu::math::pixel_key;
 use crate::fibres::fibre_scene::FibreScene;
 use crate::fibres::work::{End, Start, WAVE, Work};
 use glam::{DVec3, UVec2, Vec3};
 use organza_basis::{PathRng, mix64};
 use organza_film::{Camera, Stats};
+use organza_lanes::math::pixel_key;
 use organza_light::KernelLight;
 use rayon::prelude::*;
 

@@ -1,11 +1,10 @@
 //! Lanes: one number for each of the paths that are walked side by side.
 //!
-//! The kernel is written once over these traits. Every operation is one that
-//! IEEE 754 rounds in one way only (no reciprocal estimates, products fused
-//! with sums exactly where the source has it), so a lane computes
-//! the same bits whatever vector it is part of.
+//! Every operation is one that IEEE 754 rounds in one way only (no reciprocal estimates,
+//! products fused with sums exactly where the source has it), so a lane computes the same
+//! bits whatever vector it is part of. Only plain `f32` rounds products before it adds to
+//! them: processors without fused products would need a function call for each.
 
-use organza_scatter::Number;
 use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Not, Sub};
 
 /// Most lanes of any back end.
@@ -75,7 +74,14 @@ pub trait Ints:
 }
 
 /// An `f32` in every lane.
-pub trait Floats: Number {
+pub trait Floats:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+{
     /// Whole numbers of the same lanes.
     type Ints: Ints<Floats = Self, Mask = Self::Mask>;
     /// Truth values of the same lanes.
@@ -88,7 +94,7 @@ pub trait Floats: Number {
     fn load(x: &[f32]) -> Self;
     /// To the front of `x`.
     fn store(self, x: &mut [f32]);
-    /// `self * b + c`, rounded once.
+    /// `self * b + c`, rounded once; twice of plain `f32`.
     fn mul_add(self, b: Self, c: Self) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
@@ -108,167 +114,6 @@ pub trait Floats: Number {
     fn as_ints(self) -> Self::Ints;
     /// `self` where `mask`, else `o`.
     fn or_where_not(self, mask: Self::Mask, o: Self) -> Self;
-}
-
-/// The back end without vectors: one lane.
-pub mod one {
-    use super::{Floats, Ints, Mask};
-
-    impl Mask for bool {
-        #[inline(always)]
-        fn bits(self) -> u32 {
-            u32::from(self)
-        }
-        #[inline(always)]
-        fn from_bits(bits: u32) -> bool {
-            bits & 1 != 0
-        }
-    }
-
-    /// One whole number.
-    #[derive(Clone, Copy)]
-    pub struct U(pub u32);
-
-    /// One number.
-    #[derive(Clone, Copy)]
-    pub struct F(pub f32);
-
-    macro_rules! operators {
-        ($type:ident: $($trait:ident $name:ident = $operation:expr;)*) => {$(
-            impl std::ops::$trait for $type {
-                type Output = $type;
-                #[inline(always)]
-                fn $name(self, o: $type) -> $type {
-                    $type($operation(self.0, o.0))
-                }
-            }
-        )*};
-    }
-    operators!(U:
-        Add add = u32::wrapping_add;
-        Sub sub = u32::wrapping_sub;
-        Mul mul = u32::wrapping_mul;
-        BitAnd bitand = |a, b| a & b;
-        BitOr bitor = |a, b| a | b;
-        BitXor bitxor = |a, b| a ^ b;
-    );
-    operators!(F:
-        Add add = |a, b| a + b;
-        Sub sub = |a, b| a - b;
-        Mul mul = |a, b| a * b;
-        Div div = |a, b| a / b;
-    );
-
-    impl std::ops::Neg for F {
-        type Output = F;
-        #[inline(always)]
-        fn neg(self) -> F {
-            F(-self.0)
-        }
-    }
-
-    impl Ints for U {
-        type Floats = F;
-        type Mask = bool;
-        #[inline(always)]
-        fn splat(x: u32) -> U {
-            U(x)
-        }
-        #[inline(always)]
-        fn load(x: &[u32]) -> U {
-            U(x[0])
-        }
-        #[inline(always)]
-        fn store(self, x: &mut [u32]) {
-            x[0] = self.0;
-        }
-        #[inline(always)]
-        fn shl<const BITS: u32>(self) -> U {
-            U(self.0 << BITS)
-        }
-        #[inline(always)]
-        fn shr<const BITS: u32>(self) -> U {
-            U(self.0 >> BITS)
-        }
-        #[inline(always)]
-        fn to_floats(self) -> F {
-            F(self.0 as i32 as f32)
-        }
-        #[inline(always)]
-        fn as_floats(self) -> F {
-            F(f32::from_bits(self.0))
-        }
-        #[inline(always)]
-        fn equals(self, o: U) -> bool {
-            self.0 == o.0
-        }
-        #[inline(always)]
-        fn or_where_not(self, mask: bool, o: U) -> U {
-            if mask { self } else { o }
-        }
-        #[inline(always)]
-        fn gather(self, table: &[u32]) -> U {
-            U(table[(self.0 as usize).min(table.len() - 1)])
-        }
-    }
-
-    impl Floats for F {
-        type Ints = U;
-        type Mask = bool;
-        const LANES: usize = 1;
-        #[inline(always)]
-        fn splat(x: f32) -> F {
-            F(x)
-        }
-        #[inline(always)]
-        fn load(x: &[f32]) -> F {
-            F(x[0])
-        }
-        #[inline(always)]
-        fn store(self, x: &mut [f32]) {
-            x[0] = self.0;
-        }
-        #[inline(always)]
-        fn mul_add(self, b: F, c: F) -> F {
-            F(self.0.mul_add(b.0, c.0))
-        }
-        #[inline(always)]
-        fn sqrt(self) -> F {
-            F(self.0.sqrt())
-        }
-        #[inline(always)]
-        fn min(self, o: F) -> F {
-            if self.0 < o.0 { self } else { o }
-        }
-        #[inline(always)]
-        fn max(self, o: F) -> F {
-            if self.0 > o.0 { self } else { o }
-        }
-        #[inline(always)]
-        fn floor(self) -> F {
-            F(self.0.floor())
-        }
-        #[inline(always)]
-        fn abs(self) -> F {
-            F(self.0.abs())
-        }
-        #[inline(always)]
-        fn below(self, o: F) -> bool {
-            self.0 < o.0
-        }
-        #[inline(always)]
-        fn to_ints(self) -> U {
-            U(self.0 as i32 as u32)
-        }
-        #[inline(always)]
-        fn as_ints(self) -> U {
-            U(self.0.to_bits())
-        }
-        #[inline(always)]
-        fn or_where_not(self, mask: bool, o: F) -> F {
-            if mask { self } else { o }
-        }
-    }
 }
 
 /// Two vectors side by side: while one waits for memory, the other computes. Only vectors of x86-64

@@ -1,7 +1,8 @@
 //! Elementary functions and random numbers of lanes against second ways.
 
-use super::lanes::{Floats, Ints, Mask, one};
+use super::lanes::{Floats, Ints, Mask};
 use super::math::{LaneRng, exp2, minus_ln, pixel_key, sin_cos_of_turns, turns_of};
+use super::one;
 
 #[test]
 fn elementary_functions_are_those_of_the_library() {

@@ -1,6 +1,6 @@
 //! Elementary functions and random numbers of lanes.
 
-use crate::cpu::lanes::{Floats, Ints};
+use crate::lanes::{Floats, Ints};
 use organza_basis::mix64;
 use std::ops::{Add, Sub};
 

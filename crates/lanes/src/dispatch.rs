@@ -2,9 +2,10 @@
 //! processor may lack is entered.
 
 use super::backend::Backend;
+use super::lanes::Floats;
 #[cfg(target_arch = "x86_64")]
 use super::lanes::Two;
-use super::lanes::{Floats, one};
+use super::one;
 #[cfg(target_arch = "x86_64")]
 use super::vector;
 

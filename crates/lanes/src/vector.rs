@@ -31,7 +31,7 @@ macro_rules! vector_back_end {
     ) => {
         #[doc = $doc]
         pub mod $module {
-            use crate::cpu::lanes::{Floats, HalfMask, Ints};
+            use crate::lanes::{Floats, HalfMask, Ints};
             use std::arch::x86_64::*;
 
             /// Numbers.
