@@ -1,11 +1,12 @@
 //! Elementary functions and random numbers of lanes.
 
 use crate::lanes::{Floats, Ints};
-use organza_basis::mix64;
+use organza_basis::{PathRng, mix64};
+use std::f32::consts::{FRAC_1_PI, LOG2_E, TAU};
 use std::ops::{Add, Sub};
 
 /// A vector in space in every lane.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct V3<F> {
     pub x: F,
     pub y: F,
@@ -87,6 +88,13 @@ impl<F: Floats> V3<F> {
     #[inline(always)]
     pub fn sum(self) -> F {
         self.x + self.y + self.z
+    }
+}
+
+impl From<V3<f32>> for glam::Vec3 {
+    #[inline(always)]
+    fn from(v: V3<f32>) -> glam::Vec3 {
+        glam::Vec3::new(v.x, v.y, v.z)
     }
 }
 
@@ -253,6 +261,79 @@ pub fn turns_of<F: Floats>(y: F, x: F) -> F {
     let behind = x.below(F::splat(0.0));
     let turns = (F::splat(0.5) - turns).or_where_not(behind, turns);
     (turns.as_ints() | (y.as_ints() & F::Ints::splat(0x8000_0000))).as_floats()
+}
+
+/// `e^x` of numbers that are not positive.
+#[inline(always)]
+pub fn exp<F: Floats>(x: F) -> F {
+    exp2(x * F::splat(LOG2_E))
+}
+
+/// `exp(-x^2 / 2)`.
+#[inline(always)]
+pub fn bell<F: Floats>(x: F) -> F {
+    exp(x * x * F::splat(-0.5))
+}
+
+/// The angle of the point (x, y) from the x axis, radians; 0 of the origin.
+#[inline(always)]
+pub fn atan2<F: Floats>(y: F, x: F) -> F {
+    turns_of(y, x) * F::splat(TAU)
+}
+
+/// The angle of a sine, between -pi/2 and pi/2.
+#[inline(always)]
+pub fn asin<F: Floats>(sin: F) -> F {
+    let one = F::splat(1.0);
+    atan2(sin, (one - sin * sin).max(F::splat(0.0)).sqrt())
+}
+
+/// Sine and cosine of an angle.
+#[inline(always)]
+pub fn sin_cos<F: Floats>(angle: F) -> (F, F) {
+    let turns = angle * F::splat(0.5 * FRAC_1_PI);
+    sin_cos_of_turns(turns - turns.floor())
+}
+
+/// An angle brought to between about -pi and pi.
+#[inline(always)]
+pub fn wrap<F: Floats>(angle: F) -> F {
+    let turns = (angle * F::splat(0.5 * FRAC_1_PI) + F::splat(0.5)).floor();
+    turns.mul_add(F::splat(-TAU), angle)
+}
+
+/// A number brought to between -1 and 1.
+#[inline(always)]
+pub fn clamp<F: Floats>(x: F) -> F {
+    x.max(F::splat(-1.0)).min(F::splat(1.0))
+}
+
+/// A standard normal number from two uniform ones.
+#[inline(always)]
+pub fn normal<F: Floats>(u: F, v: F) -> F {
+    let half_square = minus_ln(positive(u));
+    let (_, cos) = sin_cos_of_turns(v);
+    (half_square + half_square).sqrt() * cos
+}
+
+/// Where random numbers of lanes come from.
+pub trait Draws<F: Floats> {
+    /// Three numbers in `[0, 1)`; lanes outside the mask get numbers too, which need not count.
+    fn units(&mut self, mask: F::Mask) -> [F; 3];
+}
+
+impl<U: Ints> Draws<U::Floats> for LaneRng<U> {
+    #[inline(always)]
+    fn units(&mut self, mask: U::Mask) -> [U::Floats; 3] {
+        LaneRng::units(self, mask)
+    }
+}
+
+impl Draws<f32> for PathRng {
+    #[inline(always)]
+    fn units(&mut self, _: bool) -> [f32; 3] {
+        [self.unit(), self.unit(), self.unit()]
+    }
 }
 
 /// The random numbers of one path in every lane: a hash of the path's name and

@@ -16,17 +16,20 @@
 //! ray meets is then unknown at every offset, so that its near field is its far field.
 
 use crate::cone_table::node;
-use crate::cylinder::{Crossing, LOBES, mean_attenuations, offsets};
+use crate::cylinder::{attenuations, mean_attenuations, offsets};
 use crate::error::{Error, in_range};
 use crate::longitudinal::{
     Balance, Blur, Inclinations, MAX_BLUR_RAD, MIN_BLUR_RAD, wrapped_gaussian,
 };
-use crate::near_parts::{SectionRow, SectionTable};
+use crate::near::crossing::{Crossing, incidence};
+use crate::near::parts::{NearKind, NearParts, SectionRow, SectionTable};
+use crate::near::{LOBES, Optics};
 use crate::section::Section;
 use crate::traced_section::Traced;
 use glam::{Vec3, Vec4};
 use organza_basis::{PathRng, Rgb};
 use std::f32::consts::{PI, TAU};
+use std::sync::Arc;
 
 /// What a dielectric fibre is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,6 +67,8 @@ pub struct DielectricFibre {
     geometric: bool,
     azimuth_blur: f32,
     balance: Balance,
+    /// Of the near field.
+    optics: Arc<Optics>,
     rows: Vec<Row>,
     azimuths: usize,
     /// Per row and shaped lobe, over azimuths from 0 to pi: colour per radian, and
@@ -141,6 +146,7 @@ impl DielectricFibre {
             geometric: (2.0 * MIN_BLUR_RAD..=0.5 * MAX_BLUR_RAD).contains(&p.longitudinal_rad),
             azimuth_blur,
             balance,
+            optics: Arc::new(Optics::of_parts(&[])),
             rows: Vec::with_capacity(ROWS),
             azimuths,
             table: Vec::with_capacity(ROWS * SHAPED * azimuths),
@@ -150,6 +156,7 @@ impl DielectricFibre {
         for i in 0..ROWS {
             fibre.add_row(row_cosine(i), traced.as_ref().map(|rows| &rows[i]));
         }
+        fibre.optics = Arc::new(Optics::of_parts(&[fibre.near_parts()]));
         Ok(fibre)
     }
 
@@ -218,10 +225,10 @@ impl DielectricFibre {
         // Exit azimuths turn at most 8 times faster than the angle of incidence.
         for (h, weight) in offsets(2 * bins) {
             let crossing = Crossing::new(p.ior, cos, h);
-            let attenuations = crossing.attenuations(p.absorption_radii);
+            let attenuations = attenuations(&crossing, p.absorption_radii);
             for (lobe, exits) in exits.iter_mut().enumerate() {
                 let a = attenuations[lobe].0 * weight;
-                add_exit(exits, crossing.exit_azimuth_rad(lobe), a);
+                add_exit(exits, crossing.exit_azimuth(lobe, incidence(h)), a);
             }
         }
         exits
@@ -246,8 +253,9 @@ impl DielectricFibre {
         let bins = 4 * nodes;
         let width = TAU / bins as f32;
         let reach = ((6.0 * self.azimuth_blur / width) as usize).min(bins / 2 - 1);
+        let deviation = [self.azimuth_blur, 1.0 / self.azimuth_blur];
         let kernel: Vec<f32> = (0..=reach)
-            .map(|k| wrapped_gaussian(k as f32 * width, 0.0, self.azimuth_blur))
+            .map(|k| wrapped_gaussian(k as f32 * width, deviation, true))
             .collect();
         exits.map(|mut around| {
             // Once around and once more, so that no index wraps.
@@ -269,8 +277,25 @@ impl DielectricFibre {
         self.section
     }
 
+    /// The numbers behind its near field.
+    pub(crate) fn near_parts(&self) -> NearParts {
+        let kind = NearKind::Dielectric {
+            ior: self.parameters.ior,
+            absorption_radii: self.parameters.absorption_radii,
+        };
+        NearParts {
+            section: self.section_table(),
+            ..NearParts::new(kind, &self.blurs, self.azimuth_blur, &self.balance)
+        }
+    }
+
+    /// The same as a table.
+    pub(crate) fn optics(&self) -> &Optics {
+        &self.optics
+    }
+
     /// The tables of a fibre that is not round.
-    pub(crate) fn section_table(&self) -> Option<SectionTable> {
+    fn section_table(&self) -> Option<SectionTable> {
         self.section?;
         let row = |(i, row): (usize, &Row)| SectionRow {
             lobes: row.lobes.to_array(),
@@ -283,11 +308,6 @@ impl DielectricFibre {
         };
         let rows = self.rows.iter().enumerate().map(row).collect();
         Some(SectionTable { rows })
-    }
-
-    /// Deviation of the azimuth.
-    pub(crate) fn azimuth_blur_rad(&self) -> f32 {
-        self.azimuth_blur
     }
 
     /// Longitudinal blur of each lobe.
@@ -357,44 +377,6 @@ impl DielectricFibre {
             azimuth
         } else {
             -azimuth
-        }
-    }
-
-    /// Lobes that leave where a smooth cylinder sends them.
-    pub(crate) fn resolved_lobes(&self) -> usize {
-        if self.section.is_some() { 1 } else { SHAPED }
-    }
-
-    /// How a ray at an offset passes the fibre, taken as round.
-    pub(crate) fn crossing(&self, cos_theta: f32, h: f32) -> Crossing {
-        Crossing::new(self.parameters.ior, cos_theta, h)
-    }
-
-    /// Attenuation of each lobe of a crossing.
-    pub(crate) fn attenuations(&self, crossing: &Crossing) -> [Rgb; LOBES] {
-        crossing.attenuations(self.parameters.absorption_radii)
-    }
-
-    /// Density per radian of lobe `p`'s azimuth at an offset.
-    pub(crate) fn near_azimuth(&self, crossing: &Crossing, p: usize, azimuth_rad: f32) -> f32 {
-        if p == SHAPED {
-            1.0 / TAU
-        } else {
-            wrapped_gaussian(azimuth_rad, crossing.exit_azimuth_rad(p), self.azimuth_blur)
-        }
-    }
-
-    /// Draws the azimuth of lobe `p` at an offset, not wrapped.
-    pub(crate) fn near_azimuth_sample(
-        &self,
-        crossing: &Crossing,
-        p: usize,
-        rng: &mut PathRng,
-    ) -> f32 {
-        if p == SHAPED {
-            PI - TAU * rng.unit()
-        } else {
-            crossing.exit_azimuth_rad(p) + self.azimuth_blur * rng.normal2().x
         }
     }
 }

@@ -1,15 +1,18 @@
 //! Fibres as lobes: the far field for media, the near field for one fibre met at
 //! a known offset.
 
-use crate::cylinder::{Crossing, LOBES};
 use crate::dielectric::DielectricFibre;
 use crate::fibre_frame::{FibreAngles, FibreFrame};
 use crate::fitted::FittedFibre;
 use crate::lobe::{Lobe, LobeSample};
-use crate::longitudinal::{Balance, Balanced, Blur, Inclinations, wrap};
+use crate::longitudinal::{Balance, Balanced, Blur, Inclinations};
+use crate::near::event::{NearEvent as Event, Scattered, pick};
+use crate::near::{LOBES, Optics};
 use glam::{Vec3, Vec4};
 use organza_basis::{PathRng, Rgb};
-use std::f32::consts::PI;
+use organza_lanes::V3;
+use organza_lanes::math::wrap;
+use std::fmt;
 
 /// How a fibre scatters light: every model there is.
 #[derive(Clone, Debug)]
@@ -68,12 +71,25 @@ impl Fibre {
     /// The lobe of a fibre met at offset `h` in `[-1, 1]` by a walk that came from
     /// `w_out`, with everything that depends on those prepared.
     pub fn near_field(&self, frame: FibreFrame, h: f32) -> NearField<'_> {
-        self.near_field_of(NearEvent::new(self, frame, h))
+        let optics = self.optics();
+        let material = optics.material();
+        let met = (frame.lanes(), h.clamp(-1.0, 1.0));
+        self.near_field_of(NearEvent(Event::new(optics, material, met, true)))
     }
 
     /// The near field of an event of this fibre again.
     pub fn near_field_of(&self, event: NearEvent) -> NearField<'_> {
-        NearField { fibre: self, event }
+        NearField {
+            optics: self.optics(),
+            event,
+        }
+    }
+
+    fn optics(&self) -> &Optics {
+        match self {
+            Fibre::Dielectric(f) => f.optics(),
+            Fibre::Fitted(f) => f.optics(),
+        }
     }
 }
 
@@ -169,7 +185,7 @@ impl Lobe for FarField<'_> {
     fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
         let event = self.event(w_out);
         let frame = &event.frame;
-        let p = pick(&event.shares, rng);
+        let p = pick(&event.shares, rng.unit()).0 as usize;
         let mut a = self.fibre.inclination_sample(frame, p, rng);
         let pair = inclinations(frame, &a);
         let azimuth = match self.fibre {
@@ -210,32 +226,6 @@ fn draws(shares: [f32; LOBES], out: &Balanced) -> [f32; LOBES] {
     (Vec4::from_array(shares) / norms).to_array()
 }
 
-/// An index with the given probabilities, which sum to one.
-fn pick(shares: &[f32; LOBES], rng: &mut PathRng) -> usize {
-    pick_below(shares, rng.unit())
-}
-
-/// An index in proportion to numbers that are not negative.
-fn pick_among(parts: &[f32; LOBES], rng: &mut PathRng) -> usize {
-    pick_below(parts, rng.unit() * parts.iter().sum::<f32>())
-}
-
-/// Where the sum of what comes before first exceeds `left`; never a zero, unless
-/// there is nothing else.
-fn pick_below(parts: &[f32; LOBES], mut left: f32) -> usize {
-    let mut chosen = 0;
-    for (i, &part) in parts.iter().enumerate() {
-        if part > 0.0 {
-            chosen = i;
-            left -= part;
-            if left < 0.0 {
-                break;
-            }
-        }
-    }
-    chosen
-}
-
 fn finish(w_in: Vec3, value: Rgb, pdf: f32) -> Option<LobeSample> {
     (pdf > 0.0).then(|| LobeSample {
         w_in,
@@ -245,206 +235,82 @@ fn finish(w_in: Vec3, value: Rgb, pdf: f32) -> Option<LobeSample> {
 }
 
 /// A near field without its fibre: what a tracker keeps of an event.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NearEvent {
-    frame: FibreFrame,
-    out: Balanced,
-    h: f32,
-    /// At which lobes are drawn; of a dielectric.
-    crossing: Crossing,
-    /// Probability of each lobe; one for the chosen.
-    shares: [f32; LOBES],
-    /// What a chosen lobe's values are multiplied by: one over its probability.
-    boost: f32,
-    chosen: Option<usize>,
+#[derive(Clone, Copy)]
+pub struct NearEvent(Event<f32>);
+
+impl NearEvent {
+    /// The offset of the event.
+    pub fn offset(&self) -> f32 {
+        self.0.offset
+    }
 }
 
-/// The lobes of a fibre at one offset: all of them, or one drawn by
-/// [`NearField::choose_lobe`].
+impl PartialEq for NearEvent {
+    fn eq(&self, other: &NearEvent) -> bool {
+        (self.0.frame, self.0.offset) == (other.0.frame, other.0.offset)
+    }
+}
+
+impl fmt::Debug for NearEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut shown = f.debug_struct("NearEvent");
+        shown.field("frame", &self.0.frame);
+        shown.field("offset", &self.0.offset).finish()
+    }
+}
+
+/// The lobes of a fibre at one offset, computed as the kernel does.
 ///
 /// A [`Lobe`] that is conditional on the event: pass the `w_out` that its frame
 /// was made for.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct NearField<'a> {
-    fibre: &'a Fibre,
+    optics: &'a Optics,
     event: NearEvent,
 }
 
-impl NearEvent {
-    fn new(fibre: &Fibre, frame: FibreFrame, h: f32) -> NearEvent {
-        let cos = fibre.drawing_cosine(&frame);
-        let (crossing, energies) = match fibre {
-            Fibre::Dielectric(f) if f.section().is_some() => (f.crossing(cos, h), f.far_lobes(cos)),
-            Fibre::Dielectric(f) => {
-                let crossing = f.crossing(cos, h);
-                (crossing, grey(f.attenuations(&crossing)))
-            }
-            Fibre::Fitted(f) => (Crossing::default(), grey(f.energies(cos))),
-        };
-        let out = fibre.balance().at(frame.cos_out);
-        NearEvent {
-            frame,
-            out,
-            h,
-            crossing,
-            shares: shares(energies, &out),
-            boost: 1.0,
-            chosen: None,
-        }
-    }
-
-    /// The frame of the event.
-    pub fn frame(&self) -> &FibreFrame {
-        &self.frame
-    }
-
-    /// The offset of the event.
-    pub fn offset(&self) -> f32 {
-        self.h
-    }
-}
-
-impl<'a> NearField<'a> {
+impl NearField<'_> {
     /// The event, from which [`Fibre::near_field_of`] makes this again.
     pub fn event(&self) -> &NearEvent {
         &self.event
     }
 
-    /// Draws one of the lobes: a rival of drawing it where light leaves, see
-    /// [`NearField::exit_normal`], that shares no more with it than the lobes. Use
-    /// it for the light and for the next direction alike. Its values are divided
-    /// by the probability of the choice.
-    pub fn choose_lobe(&self, rng: &mut PathRng) -> NearField<'a> {
-        let p = pick(&self.event.shares, rng);
-        let mut only = [0.0; LOBES];
-        only[p] = 1.0;
-        NearField {
-            fibre: self.fibre,
-            event: NearEvent {
-                shares: only,
-                boost: self.event.boost / self.event.shares[p].max(f32::MIN_POSITIVE),
-                chosen: Some(p),
-                ..self.event
-            },
-        }
+    fn toward(&self, w_in: Vec3) -> Scattered<f32> {
+        self.event.0.toward(self.optics, V3::splat(w_in), true)
     }
 
-    /// The chosen lobe: 0 for R, 1 for TT, 2 for TRT, 3 for the rest.
-    pub fn chosen(&self) -> Option<usize> {
-        self.event.chosen
-    }
-
-    /// Unit outward normal of the surface point, on the fibre's cross-section
-    /// through the event, where light leaves toward `w_in`: of the chosen lobe, or
-    /// of one drawn in proportion to what it sends there, so that the mean over
-    /// draws is that over lobes.
-    ///
-    /// R, TT and TRT of a round dielectric leave where a smooth cylinder sends them,
-    /// and so does R of another section; lobes whose paths are not resolved leave evenly over the width that faces
-    /// `w_in`. Where blur turns light into the fibre it leaves from the nearest
-    /// point of the outline instead, so that no ray starts into its own fibre.
+    /// Unit outward normal of the surface point where light leaves toward `w_in`: see
+    /// [`exit_normal`](Event::exit_normal).
     pub fn exit_normal(&self, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
-        let event = &self.event;
-        let a = event.frame.angles(w_in);
-        let p = event.chosen.unwrap_or_else(|| {
-            let pair = inclinations(&event.frame, &a);
-            let sent = self.lobes(&a, &pair).map(|(k, colour)| k * colour.mean());
-            pick_among(&sent, rng)
-        });
-        let angle = match self.fibre {
-            Fibre::Dielectric(f) if p < f.resolved_lobes() => {
-                f.crossing(event.frame.cos_out, event.h).exit_normal_rad(p)
-            }
-            _ => a.azimuth_rad + (2.0 * rng.unit() - 1.0).asin(),
-        };
-        let aside = wrap(angle - a.azimuth_rad);
-        event
-            .frame
-            .across(a.azimuth_rad + aside.clamp(-0.5 * PI, 0.5 * PI))
+        let units = [rng.unit(), rng.unit()];
+        self.event.0.exit_normal(&self.toward(w_in), units).into()
     }
 
-    /// Density of the directions of each lobe, but for the balance, and what the
-    /// lobe keeps of the light.
-    fn lobes(&self, a: &FibreAngles, pair: &Inclinations) -> [(f32, Rgb); LOBES] {
-        match self.fibre {
-            Fibre::Dielectric(f) if f.section().is_some() => {
-                let kernels = f.densities(pair);
-                let far = f.far(pair.mean_cos, a.azimuth_rad);
-                std::array::from_fn(|p| {
-                    let colour = far[p].truncate() / far[p].w.max(f32::MIN_POSITIVE);
-                    (kernels[p] * far[p].w, Rgb(colour))
-                })
-            }
-            Fibre::Dielectric(f) => {
-                let mid = self.turned(f, pair);
-                let attenuations = f.attenuations(&mid);
-                let kernels = f.densities(pair);
-                std::array::from_fn(|p| {
-                    let k = kernels[p] * f.near_azimuth(&mid, p, a.azimuth_rad);
-                    (k, attenuations[p])
-                })
-            }
-            Fibre::Fitted(f) => {
-                let energies = f.energies(pair.mean_cos);
-                let mut lobes = [(0.0, Rgb::BLACK); LOBES];
-                for (p, blur) in f.blurs().iter().enumerate() {
-                    let k = pair.density(blur) * f.azimuth(p, a.azimuth_rad);
-                    lobes[p] = (k, energies[p]);
-                }
-                lobes
-            }
-        }
-    }
-
-    fn value(&self, a: &FibreAngles, pair: &Inclinations) -> (Rgb, f32) {
-        let (mut value, mut pdf) = (Vec3::ZERO, 0.0);
-        let event = &self.event;
-        let draws = draws(event.shares, &event.out);
-        for (p, (k, colour)) in self.lobes(a, pair).into_iter().enumerate() {
-            if event.chosen.is_none_or(|chosen| chosen == p) {
-                value += k * colour.0;
-                pdf += k * draws[p];
-            }
-        }
-        weigh(self.fibre, &event.out, a, event.boost * value, pdf)
-    }
-
-    /// The crossing at the mean inclination.
-    fn turned(&self, f: &DielectricFibre, pair: &Inclinations) -> Crossing {
-        let ior = f.parameters().ior;
-        self.event.crossing.turned(ior, pair.mean_cos, self.event.h)
-    }
-
-    fn toward(&self, w_in: Vec3) -> (Rgb, f32) {
-        let a = self.event.frame.angles(w_in);
-        self.value(&a, &inclinations(&self.event.frame, &a))
+    /// From where the surface of a fibre of that radius was met to where light leaves it toward
+    /// `w_in`, mm. Places along the fibre are not resolved.
+    pub fn exit_mm(&self, radius_mm: f32, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
+        let event = &self.event.0;
+        let met: Vec3 = event.frame.surface(event.offset).into();
+        radius_mm * (self.exit_normal(w_in, rng) - met)
     }
 }
 
 impl Lobe for NearField<'_> {
     fn eval(&self, _w_out: Vec3, w_in: Vec3) -> Rgb {
-        self.toward(w_in).0
+        Rgb(self.toward(w_in).value.into())
     }
 
     fn pdf(&self, _w_out: Vec3, w_in: Vec3) -> f32 {
-        self.toward(w_in).1
+        self.toward(w_in).pdf
     }
 
     fn sample(&self, _w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
-        let frame = &self.event.frame;
-        let p = pick(&self.event.shares, rng);
-        let mut a = self.fibre.inclination_sample(frame, p, rng);
-        let pair = inclinations(frame, &a);
-        let azimuth = match self.fibre {
-            Fibre::Dielectric(f) if f.section().is_some() => {
-                f.far_azimuth_sample(p, pair.mean_cos, rng)
-            }
-            Fibre::Dielectric(f) => f.near_azimuth_sample(&self.turned(f, &pair), p, rng),
-            Fibre::Fitted(f) => f.azimuth_sample(p, rng),
-        };
-        a.azimuth_rad = wrap(azimuth);
-        let w_in = frame.direction(&a);
-        let (value, pdf) = self.value(&a, &pair);
-        finish(w_in, value, pdf)
+        let turn = self.event.0.turn(self.optics, rng, true);
+        let pdf = turn.scattered.pdf;
+        (pdf > 0.0).then(|| LobeSample {
+            w_in: turn.direction.into(),
+            weight: Rgb(turn.weight.into()),
+            pdf,
+        })
     }
 }

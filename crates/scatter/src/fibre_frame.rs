@@ -1,6 +1,9 @@
 //! Directions about a fibre.
 
+use crate::near::Frame;
 use glam::{Vec2, Vec3};
+use organza_lanes::V3;
+use organza_lanes::math::atan2;
 
 /// The frame of a fibre as a walk meets it: tangent t, the walk's direction of
 /// travel projected across it (d), and the side n = t x d.
@@ -27,24 +30,24 @@ impl FibreFrame {
     /// From a unit tangent and the unit direction back along the walk. A walk
     /// along the fibre has no direction across it and gets any.
     pub fn new(tangent: Vec3, w_out: Vec3) -> FibreFrame {
-        let sin_out = tangent.dot(w_out).clamp(-1.0, 1.0);
-        let side = w_out.cross(tangent);
-        let cos_out = side.length();
-        let side = if cos_out > 0.03 {
-            side / cos_out
-        } else if cos_out > 1e-7 {
-            // Rounding has tilted the short product toward the tangent.
-            let side = side / cos_out;
-            (side - tangent * tangent.dot(side)).normalize()
-        } else {
-            tangent.any_orthonormal_vector()
-        };
+        let frame = Frame::new(V3::splat(tangent), V3::splat(w_out));
         FibreFrame {
             tangent,
-            forward: side.cross(tangent),
-            side,
-            sin_out,
-            cos_out: cos_out.min(1.0),
+            forward: frame.forward.into(),
+            side: frame.side.into(),
+            sin_out: frame.sin_out,
+            cos_out: frame.cos_out,
+        }
+    }
+
+    /// The same for lanes.
+    pub(crate) fn lanes(&self) -> Frame<f32> {
+        Frame {
+            tangent: V3::splat(self.tangent),
+            forward: V3::splat(self.forward),
+            side: V3::splat(self.side),
+            sin_out: self.sin_out,
+            cos_out: self.cos_out,
         }
     }
 
@@ -54,7 +57,7 @@ impl FibreFrame {
         FibreAngles {
             sin: w.dot(self.tangent).clamp(-1.0, 1.0),
             cos: across.length().min(1.0),
-            azimuth_rad: quick_atan2(across.y, across.x),
+            azimuth_rad: atan2(across.y, across.x),
         }
     }
 
@@ -76,40 +79,6 @@ impl FibreFrame {
     }
 }
 
-const COEFFICIENTS: [f32; 8] = [
-    0.999999882,
-    -0.333318127,
-    0.199669618,
-    -0.140032902,
-    0.098688655,
-    -0.058829753,
-    0.023780519,
-    -0.004559792,
-];
-
-/// `y.atan2(x)` to within 2e-6, in a quarter of its time: far below the narrowest
-/// blur, and the scattering functions spend most of their time on angles. Zero
-/// for (0, 0).
-pub(crate) fn quick_atan2(y: f32, x: f32) -> f32 {
-    let (ax, ay) = (x.abs(), y.abs());
-    let t = ax.min(ay) / ax.max(ay).max(f32::MIN_POSITIVE);
-    let s = t * t;
-    // Odd polynomial through the Chebyshev nodes of [0, 1], summed in pairs:
-    // callers wait for it, and pairs are ready in half of the time.
-    let [c0, c1, c2, c3, c4, c5, c6, c7] = COEFFICIENTS;
-    let s2 = s * s;
-    let low = (c0 + c1 * s) + (c2 + c3 * s) * s2;
-    let high = (c4 + c5 * s) + (c6 + c7 * s) * s2;
-    let p = (low + high * (s2 * s2)) * t;
-    let p = if ay > ax {
-        std::f32::consts::FRAC_PI_2 - p
-    } else {
-        p
-    };
-    let p = if x < 0.0 { std::f32::consts::PI - p } else { p };
-    p.copysign(y)
-}
-
 /// A direction about a fibre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FibreAngles {
@@ -125,18 +94,6 @@ pub struct FibreAngles {
 mod tests {
     use super::*;
     use crate::proofs::{hard_directions, oblique};
-
-    #[test]
-    fn quick_angles_are_accurate() {
-        for i in -20_000..=20_000 {
-            let a = i as f32 / 20_000.0 * std::f32::consts::PI;
-            let (y, x) = a.sin_cos();
-            let error = (quick_atan2(3.0 * y, 3.0 * x) - y.atan2(x)).abs();
-            assert!(error < 2e-6, "{a}: {error}");
-        }
-        assert_eq!(quick_atan2(0.0, 0.0), 0.0);
-        assert_eq!(quick_atan2(0.0, -1.0), std::f32::consts::PI);
-    }
 
     #[test]
     fn angles_round_trip_and_travel_is_forward() {

@@ -10,9 +10,13 @@
 
 use crate::error::{Error, in_range};
 use crate::longitudinal::{Balance, Blur, MAX_BLUR_RAD, MIN_BLUR_RAD, wrapped_gaussian};
-use glam::Vec3;
+use crate::near::Optics;
+use crate::near::event::schlick;
+use crate::near::parts::{NearKind, NearParts};
 use organza_basis::{PathRng, Rgb, nearest_name};
+use organza_lanes::V3;
 use std::f32::consts::{PI, TAU};
+use std::sync::Arc;
 
 /// R and TT.
 pub(crate) const LOBES: usize = 2;
@@ -93,6 +97,8 @@ pub struct FittedFibre {
     blurs: [Blur; LOBES],
     azimuth_blur: f32,
     balance: Balance,
+    /// Of the near field.
+    optics: Arc<Optics>,
 }
 
 impl FittedFibre {
@@ -118,15 +124,32 @@ impl FittedFibre {
             "0 to pi / 2",
         )?;
         let balance = Balance::new(blurs, |cos| {
-            let f = schlick(p.colour_r, cos);
+            let f = reflectance(p.colour_r, cos);
             [f, Rgb::WHITE - f]
         });
-        Ok(FittedFibre {
+        let mut fibre = FittedFibre {
             parameters,
             blurs,
             azimuth_blur: p.azimuthal_tt_rad.max(MIN_BLUR_RAD),
             balance,
-        })
+            optics: Arc::new(Optics::of_parts(&[])),
+        };
+        fibre.optics = Arc::new(Optics::of_parts(&[fibre.near_parts()]));
+        Ok(fibre)
+    }
+
+    /// The numbers behind its near field.
+    pub(crate) fn near_parts(&self) -> NearParts {
+        let kind = NearKind::Fitted {
+            colour_r: self.parameters.colour_r,
+            colour_tt: self.parameters.colour_tt,
+        };
+        NearParts::new(kind, &self.blurs, self.azimuth_blur, &self.balance)
+    }
+
+    /// The same as a table.
+    pub(crate) fn optics(&self) -> &Optics {
+        &self.optics
     }
 
     /// What it was made from.
@@ -144,7 +167,7 @@ impl FittedFibre {
 
     /// Part of the light in each lobe at a mean inclination.
     pub(crate) fn energies(&self, cos_theta: f32) -> [Rgb; LOBES] {
-        let f = schlick(self.parameters.colour_r, cos_theta);
+        let f = reflectance(self.parameters.colour_r, cos_theta);
         [f, (Rgb::WHITE - f) * self.parameters.colour_tt]
     }
 
@@ -158,7 +181,11 @@ impl FittedFibre {
         if p == 0 {
             1.0 / TAU
         } else {
-            wrapped_gaussian(azimuth_rad, 0.0, self.azimuth_blur)
+            wrapped_gaussian(
+                azimuth_rad,
+                [self.azimuth_blur, 1.0 / self.azimuth_blur],
+                true,
+            )
         }
     }
 
@@ -173,8 +200,6 @@ impl FittedFibre {
 }
 
 /// Schlick's reflectance per channel.
-fn schlick(normal: Rgb, cos: f32) -> Rgb {
-    let x = (1.0 - cos).clamp(0.0, 1.0);
-    let x5 = x * x * x * x * x;
-    Rgb(normal.0 + (Vec3::ONE - normal.0) * x5)
+fn reflectance(normal: Rgb, cos: f32) -> Rgb {
+    Rgb(schlick(V3::splat(normal.0), cos).into())
 }

@@ -1,6 +1,8 @@
 //! The absorption of fibres from the colour of a thick heap of them.
 
-use crate::cylinder::{Crossing, LOBES, offsets};
+use crate::cylinder::{attenuations, offsets};
+use crate::near::LOBES;
+use crate::near::crossing::{Crossing, incidence};
 use crate::section::Section;
 use crate::traced_section::Traced;
 use organza_basis::Rgb;
@@ -81,11 +83,11 @@ fn tangle_albedo(ior: f32, absorption_radii: f32) -> f32 {
         weight += seen;
         for (h, w) in offsets(24) {
             let crossing = Crossing::new(ior, cos, h);
-            for (p, a) in crossing.attenuations(absorption).iter().enumerate() {
+            for (p, a) in attenuations(&crossing, absorption).iter().enumerate() {
                 let turn = if p == LOBES - 1 {
                     0.0
                 } else {
-                    crossing.exit_azimuth_rad(p).cos()
+                    crossing.exit_azimuth(p, incidence(h)).cos()
                 };
                 let a = a.0.x * w * seen;
                 albedo += a;

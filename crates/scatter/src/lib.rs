@@ -119,7 +119,7 @@ pub mod heap_colour;
 mod inclination_pair;
 pub mod lobe;
 pub mod longitudinal;
-mod near_parts;
+pub mod near;
 pub mod packed_fibre;
 pub mod ply;
 pub mod population;
@@ -146,7 +146,6 @@ pub use flake::{
 pub use heap_colour::{absorption_for_colour, absorption_for_colour_of};
 pub use inclination_pair::InclinationPair;
 pub use lobe::{Lobe, LobeSample};
-pub use near_parts::{BalanceNode, NearKind, NearParts, SectionRow, SectionTable};
 pub use packed_fibre::{PackedEvent, packing_fraction, void_multiplier};
 pub use ply::{Ply, PlyCorrection, PlyEvent, PlyLobe, PlyParameters, PlyPlace};
 pub use population::{FlakeMaterials, FlakeOptics, population_shape};

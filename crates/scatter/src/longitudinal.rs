@@ -11,11 +11,12 @@
 //! all integrals are one [Sinkhorn1967].
 
 use crate::cone_table::node;
-use crate::fibre_frame::quick_atan2;
 use crate::inclination_pair::InclinationPair;
 use glam::{Vec3, Vec4};
 use organza_basis::{PathRng, Rgb};
-use std::f32::consts::{FRAC_PI_2, PI};
+use organza_lanes::math::{atan2, bell, wrap};
+use organza_lanes::{Floats, Mask};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// Least deviation of a blur, half a degree: below it, tables would have to be
 /// finer than anything visible.
@@ -47,11 +48,6 @@ impl Blur {
             fold_cos: (6.0 * deviation_rad).min(PI).cos(),
         }
     }
-
-    fn gaussian(&self, x: f32) -> f32 {
-        let y = x * self.inverse;
-        INVERSE_SQRT_TAU * self.inverse * (-0.5 * y * y).exp()
-    }
 }
 
 /// Two inclinations, as the blur sees them.
@@ -72,7 +68,7 @@ impl Inclinations {
         let pair = InclinationPair::new(inclination_in, inclination_out);
         let [sin_sum, cos_sum] = pair.sum;
         Inclinations {
-            sum_rad: quick_atan2(sin_sum, cos_sum),
+            sum_rad: atan2(sin_sum, cos_sum),
             folded: pair.folded,
             mean_cos: pair.mean_cos,
         }
@@ -81,12 +77,10 @@ impl Inclinations {
     /// Density per radian of theta_in given theta_out, symmetric in the two, with
     /// unit integral over either.
     pub fn density(&self, blur: &Blur) -> f32 {
-        let mut value = blur.gaussian(self.sum_rad);
         let [sin, cos] = self.folded;
-        if cos > blur.fold_cos {
-            value += blur.gaussian(quick_atan2(sin, cos));
-        }
-        value
+        let folds = cos > blur.fold_cos;
+        let fold_rad = if folds { atan2(sin, cos) } else { 0.0 };
+        folded_gaussian([self.sum_rad, fold_rad], blur.inverse, folds)
     }
 
     /// [`Inclinations::density`] of the four blurs of a dielectric. Where they are
@@ -97,7 +91,7 @@ impl Inclinations {
         if !geometric || self.folded[1] > blurs[2].fold_cos {
             return blurs.map(|b| self.density(&b));
         }
-        let wide = blurs[2].gaussian(self.sum_rad);
+        let wide = self.density(&blurs[2]);
         let peak = |b: &Blur| INVERSE_SQRT_TAU * b.inverse;
         let q = wide / peak(&blurs[2]);
         let q4 = (q * q) * (q * q);
@@ -121,24 +115,34 @@ pub fn folded_gaussian_sample([sin_out, cos_out]: [f32; 2], blur: &Blur, normal:
     ]
 }
 
-/// Density per radian at `azimuth_rad` in `[-pi, pi]` of a Gaussian about
-/// `mean_rad` (any), wrapped around the circle; deviations up to pi / 2.
-pub fn wrapped_gaussian(azimuth_rad: f32, mean_rad: f32, blur_rad: f32) -> f32 {
-    let x = wrap(azimuth_rad - mean_rad);
-    let inverse = 1.0 / blur_rad;
-    let g = |x: f32| (-0.5 * (x * inverse) * (x * inverse)).exp();
-    let mut value = g(x);
-    if 2.0 * PI - x.abs() < 6.0 * blur_rad {
-        value += g(x - 2.0 * PI) + g(x + 2.0 * PI);
+/// Density per radian of a Gaussian at an angle, and at the same after a fold where that matters,
+/// for one over its deviation.
+#[inline(always)]
+pub(crate) fn folded_gaussian<F: Floats>(angles: [F; 2], inverse: F, folds: F::Mask) -> F {
+    let mut value = bell(angles[0] * inverse);
+    if folds.any() {
+        value = (value + bell(angles[1] * inverse)).or_where_not(folds, value);
     }
-    value * INVERSE_SQRT_TAU * inverse
+    value * inverse * F::splat(INVERSE_SQRT_TAU)
 }
 
-/// An angle brought into `[-pi, pi]`.
-pub(crate) fn wrap(angle_rad: f32) -> f32 {
-    // Rounds half a turn away from zero, by way of a conversion that is cheap.
-    let turns = angle_rad * (0.5 / PI);
-    angle_rad - 2.0 * PI * ((turns + 0.5f32.copysign(turns)) as i32) as f32
+/// Density per radian of a Gaussian around the circle, of any angle from its mean, for its
+/// deviation, up to pi / 2, and one over it. Lanes outside the mask may get anything.
+#[inline(always)]
+pub(crate) fn wrapped_gaussian<F: Floats>(
+    apart: F,
+    [deviation, inverse]: [F; 2],
+    mask: F::Mask,
+) -> F {
+    let x = wrap(apart).abs();
+    let mut value = bell(x * inverse);
+    let around = F::splat(TAU) - x;
+    let seen = around.below(deviation * F::splat(6.0));
+    if (mask & seen).any() {
+        let more = bell(around * inverse) + bell((x + F::splat(TAU)) * inverse);
+        value = (value + more).or_where_not(seen, value);
+    }
+    value * inverse * F::splat(INVERSE_SQRT_TAU)
 }
 
 /// The scale c(theta) of a fibre's lobes, even in theta, per colour channel, and

@@ -114,10 +114,10 @@ impl PackedEvent {
         self.point_mm + (self.frame.forward * forward - self.frame.side * h) * self.radius_mm
     }
 
-    /// Where light scattered by `lobe` toward `w_in` leaves the fibre: the start of the next ray and of shadow rays. Positions along the
-    /// fibre are not resolved; the cross-section through the collision is.
+    /// Where light scattered by `lobe` toward `w_in` leaves the fibre: the start of the next
+    /// ray and of shadow rays.
     pub fn exit_mm(&self, lobe: &NearField, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
-        self.axis_mm() + lobe.exit_normal(w_in, rng) * self.radius_mm
+        self.point_mm + lobe.exit_mm(self.radius_mm, w_in, rng)
     }
 }
 

@@ -253,12 +253,8 @@ impl PlyLobe<'_> {
     /// From where light met the fibre to where it leaves the fibre toward `w_in`, mm.
     fn off_fibre_mm(&self, w_in: Vec3) -> Vec3 {
         let mut rng = PathRng::from_seed(self.event.exit_seed);
-        exit_from_fibre(
-            &self.near(),
-            self.ply.parameters.fibre_radius_mm,
-            w_in,
-            &mut rng,
-        )
+        let radius_mm = self.ply.parameters.fibre_radius_mm;
+        self.near().exit_mm(radius_mm, w_in, &mut rng)
     }
 
     fn once(&self, w_out: Vec3, w_in: Vec3) -> Rgb {
@@ -312,14 +308,6 @@ fn first_fibre(
 /// Light of the body starts a little inside of the surface, so that at a bend it does not
 /// meet the ply that it leaves, as a share of the radius.
 const INSIDE: f32 = 0.98;
-
-/// From where light meets the surface of a fibre to where it leaves it toward `w_in`, mm.
-fn exit_from_fibre(near: &NearField<'_>, radius_mm: f32, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
-    let (frame, h) = (near.event().frame(), near.event().offset());
-    let depth = (1.0 - h * h).max(0.0).sqrt();
-    let to_axis = frame.forward * depth - frame.side * h;
-    radius_mm * (to_axis + near.exit_normal(w_in, rng))
-}
 
 impl Lobe for PlyLobe<'_> {
     fn eval(&self, w_out: Vec3, w_in: Vec3) -> Rgb {

@@ -6,7 +6,8 @@
 //! traces ellipses and [Aliaga2017] any outline in the same way. At every facet a ray is
 //! split by Fresnel's reflectance, so that no light is lost.
 
-use crate::cylinder::{LOBES, MIN_COS, fresnel};
+use crate::near::LOBES;
+use crate::near::crossing::{MIN_COS, fresnel};
 use crate::section::extent;
 use glam::DVec2;
 use organza_basis::Rgb;

@@ -221,7 +221,7 @@ fn walk(
                 (w_in, *albedo)
             }
             Surface::Fibre(fibre) => {
-                let near = fibre.near_field(event.frame, event.offset).choose_lobe(rng);
+                let near = fibre.near_field(event.frame, event.offset);
                 let far = fibre.far_field(TANGENT);
                 let exit = |w: Vec3, rng: &mut PathRng| match how {
                     How::Plain => event.point_mm,

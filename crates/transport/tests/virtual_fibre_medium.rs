@@ -292,7 +292,7 @@ impl Walk<'_> {
                 }
                 VirtualFibreEvent::Packed => {
                     let frame = FibreFrame::new(event.frame.tangent, w_out);
-                    let near = self.fibre.near_field(frame, event.offset).choose_lobe(rng);
+                    let near = self.fibre.near_field(frame, event.offset);
                     value = near.eval(w_out, light).0.x;
                     from = event.exit_mm(&near, light, rng).z;
                     next = near.sample(w_out, rng);

@@ -17,7 +17,7 @@ use std::sync::{Arc, OnceLock};
 /// | `matter.bodies[i].cells.hulls` | hull block | sixteen other pieces: [`HullBlock`](super::hull::HullBlock) |
 /// | `matter.joints.words` | 8 x joint | what is asked of a piece once it is met: [`JointTable`](super::joint_table::JointTable) |
 /// | `matter.packed` | | packed fibres in voxels, if paths meet them: [`FibreVolume`](crate::packed::FibreVolume) |
-/// | `matter.optics.words` | 32 x material | how fibres scatter: [`Optics`](super::optics::Optics) |
+/// | `matter.optics.words` | 32 x material | how fibres scatter: [`Optics`](organza_scatter::near::Optics) |
 ///
 /// Lengths are in mm. Places in a cell are counted from its centre, so that `f32` suffices
 /// anywhere; the [grid](super::grid::Grid) holds the cells' edges and numbers.

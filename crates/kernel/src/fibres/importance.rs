@@ -11,7 +11,7 @@
 use glam::Vec3;
 use organza_basis::PathRng;
 use organza_lanes::Floats;
-use organza_lanes::math::V3;
+use organza_lanes::math::{V3, bell};
 use organza_light::{Hemisphere, KernelLight, Light, LightSearch};
 use std::f32::consts::PI;
 
@@ -96,7 +96,7 @@ impl Importance {
             let cos_lamp = (one - sin_lamp * sin_lamp).max(least).sqrt();
             // The sine of the difference serves for the angle.
             let apart = (sin * cos_lamp - cos * sin_lamp) * F::splat(lamp.per_spread);
-            let inclined = super::crossing::exp(apart * apart * F::splat(-0.5));
+            let inclined = bell(apart);
             let round = (direction.dot(toward) - sin * sin_lamp) / (cos * cos_lamp);
             let round = round.max(-one).min(one);
             let fall = F::splat(2.0 * ROUND).mul_add(-round, F::splat(1.0 + ROUND * ROUND));

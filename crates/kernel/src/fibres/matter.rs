@@ -5,7 +5,6 @@ use super::cell_ray::{CellHit, CellRay, Visit};
 use super::cells::Unfit;
 use super::grid::GridPoint;
 use super::joint_table::JointTable;
-use super::optics::Optics;
 use super::plane::FibrePlane;
 use super::strands::Strands;
 use crate::packed::{FibreVolume, PackedPart, PackedVoxels, Switch};
@@ -15,6 +14,7 @@ use organza_lanes::Backend;
 use organza_lanes::Floats;
 use organza_lanes::dispatch::{Job, dispatch_sixteen};
 use organza_scatter::Fibre;
+use organza_scatter::near::Optics;
 use std::sync::Arc;
 
 /// Cloths of explicit fibres, and planes, with what they scatter.

@@ -3,7 +3,6 @@
 
 use super::grid::GridPoint;
 use super::matter::FibreMatter;
-use super::near_event::Met;
 use super::own_frame::OwnFrame;
 use super::paths::{Paths, load};
 use super::several::point_mm;
@@ -12,6 +11,29 @@ use crate::packed::volume_ray::{Departure, VolumeRay};
 use glam::{DVec3, Vec3};
 use organza_lanes::math::{LaneRng, V3};
 use organza_lanes::{Floats, Ints, Mask};
+use organza_scatter::near::Frame;
+
+/// What is met, and by what.
+pub struct Met<F: Floats> {
+    /// The fibre as the way meets it.
+    pub frame: Frame<F>,
+    /// From the axis to the point met, mm.
+    pub out_mm: V3<F>,
+    /// Where across the fibre's width it is met, in `[-1, 1]`.
+    pub offset: F,
+}
+
+impl<F: Floats> Met<F> {
+    /// `self` where `mask`, else `o`.
+    #[inline(always)]
+    pub fn or_where_not(self, mask: F::Mask, o: Met<F>) -> Met<F> {
+        Met {
+            frame: self.frame.or_where_not(mask, o.frame),
+            out_mm: self.out_mm.or_where_not(mask, o.out_mm),
+            offset: self.offset.or_where_not(mask, o.offset),
+        }
+    }
+}
 
 /// Fibres in lanes.
 pub struct MetFibres<F: Floats> {
@@ -39,9 +61,15 @@ pub fn met_fibres<F: Floats>(
     let zeros = V3::splat(Vec3::ZERO);
     let mut met = MetFibres {
         there: Met {
-            tangent: zeros,
+            frame: Frame {
+                tangent: zeros,
+                forward: zeros,
+                side: zeros,
+                sin_out: F::splat(0.0),
+                cos_out: F::splat(0.0),
+            },
             out_mm: zeros,
-            w_out,
+            offset: F::splat(0.0),
         },
         axis_at: zeros,
         material: F::Ints::splat(0),
@@ -61,13 +89,8 @@ pub fn met_fibres<F: Floats>(
     };
     let rays = &paths.volume_rays[first..];
     let own = part.volume.meeting::<F>(rays, w_out, rng, packed);
-    let there = Met {
-        tangent: own.met.tangent.or_where_not(packed, met.there.tangent),
-        out_mm: own.met.out_mm.or_where_not(packed, met.there.out_mm),
-        w_out,
-    };
     MetFibres {
-        there,
+        there: own.met.or_where_not(packed, met.there),
         axis_at: own.axis_at_mm.or_where_not(packed, met.axis_at),
         material: own.material.or_where_not(packed, met.material),
         weight: own.weight.or_where_not(packed, met.weight),

@@ -5,7 +5,7 @@
 //! cells, each with copies of what reaches into it, is walked faster than a
 //! hierarchy is descended ([`cells`]). Sixteen pieces are held against one ray at
 //! a time ([`block`]), every ray of a wave looks into one cell in turn ([`walk`]),
-//! and the events of a wave are computed lane by lane ([`near_event`]).
+//! and the events of a wave are computed lane by lane ([`organza_scatter::near`]).
 //!
 //! A fibre is met where a ray enters it from outside; what starts inside a fibre
 //! leaves it freely. Pieces of one radius meet in the plane that halves their
@@ -19,7 +19,6 @@ mod cell_ray;
 mod cell_search;
 pub(crate) mod cells;
 mod copies;
-mod crossing;
 mod drape;
 pub mod exhaustive;
 pub(crate) mod fibre_scene;
@@ -31,14 +30,11 @@ mod importance;
 mod joint_table;
 pub(crate) mod lists;
 pub(crate) mod matter;
-mod met_fibres;
-pub(crate) mod near_event;
-mod optics;
+pub(crate) mod met_fibres;
 mod own_frame;
 mod paths;
 mod plane;
 mod reached;
-mod section_lobes;
 mod several;
 mod shade;
 mod shadows;

@@ -1,9 +1,10 @@
 //! Directions and places of draped cloth, which differ from the world's.
 
-use super::near_event::Met;
+use super::met_fibres::Met;
 use super::paths::{Paths, load};
 use organza_lanes::Floats;
 use organza_lanes::math::V3;
+use organza_scatter::near::Frame;
 
 /// What the cloths that lanes are in have instead of the world's directions.
 pub struct OwnFrame<F: Floats> {
@@ -53,43 +54,19 @@ impl<F: Floats> OwnFrame<F> {
     /// meets a fibre is that of the way through the places.
     #[inline(always)]
     pub fn met(&self, paths: &Paths, first: usize, tangent: V3<F>, w_out: V3<F>) -> Met<F> {
-        let out = load::<F>(&paths.met.out, first);
-        if self.axes.is_none() {
-            return Met {
-                tangent,
-                out_mm: out,
-                w_out,
-            };
-        }
-        let w_out = self.own(w_out);
-        let way = load::<F>(&paths.met.way, first);
-        let (one, zero) = (F::splat(1.0), F::splat(0.0));
-        let along = tangent.dot(out);
-        let across = tangent.scaled_add(-along, out);
-        let height = across.dot(across).sqrt();
-        let (beside_way, _) = beside_and_ahead(tangent, way.scaled(-one));
-        let (beside, ahead) = beside_and_ahead(tangent, w_out);
-        let offset = across.dot(beside_way).max(-height).min(height);
-        let depth = (height * height - offset * offset).max(zero).sqrt();
+        let out_mm = load::<F>(&paths.met.out, first);
+        let frame = Frame::new(tangent, self.own(w_out));
+        let offset = match &self.axes {
+            None => frame.offset(out_mm),
+            Some(_) => {
+                let way = load::<F>(&paths.met.way, first);
+                Frame::new(tangent, way.scaled(F::splat(-1.0))).offset(out_mm)
+            }
+        };
         Met {
-            tangent,
-            out_mm: beside.scaled(offset) + ahead.scaled(depth) + tangent.scaled(along),
-            w_out,
+            frame,
+            out_mm,
+            offset,
         }
     }
-}
-
-/// Unit vectors across a tangent: beside the plane of tangent and `w`, and in it, on the
-/// side of `w`.
-#[inline(always)]
-fn beside_and_ahead<F: Floats>(tangent: V3<F>, w: V3<F>) -> (V3<F>, V3<F>) {
-    let cross = w.cross(tangent);
-    let square = cross.dot(cross);
-    let is_long = F::splat(1e-14).below(square);
-    let length = square.max(F::splat(1e-14)).sqrt();
-    let any = organza_lanes::math::beside(tangent);
-    let beside = cross
-        .scaled(F::splat(1.0) / length)
-        .or_where_not(is_long, any);
-    (beside, tangent.cross(beside))
 }

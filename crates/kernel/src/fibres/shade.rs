@@ -9,7 +9,6 @@ use super::matter::FibreMatter;
 use super::met_fibres::{
     LeavingPoint, MetFibres, leaving_point, met_fibres, packed_ray, world_mm, yarn,
 };
-use super::near_event::{NearEvent, Scattered};
 use super::own_frame::OwnFrame;
 use super::paths::{Column, Paths, State, get, load, put, store};
 use super::several::{point_mm, set_out, start_at};
@@ -25,6 +24,8 @@ use organza_film::{FirstEvent, SiteInfo, Stats};
 use organza_lanes::math::{LaneRng, V3};
 use organza_lanes::{Floats, Ints, Mask, SetBits};
 use organza_light::{KernelLight, Light, LightSearch};
+use organza_scatter::near::NearEvent;
+use organza_scatter::near::event::Scattered;
 
 /// A shadow ray is traced surely when the light scattered toward the camera is at
 /// least a tenth of the irradiance, per steradian; fainter light is traced in
@@ -117,14 +118,16 @@ pub fn shade<F: Floats>(
         &mut rng,
     );
     let material = optics.materials::<F>(material);
-    let mut event = NearEvent::new(optics, material, &there, mask);
+    let event = NearEvent::new(optics, material, (there.frame, there.offset), mask);
+    let tangent = there.frame.tangent;
+    let mut radius_mm = there.out_mm.dot(there.out_mm).sqrt();
     if shading
         .matter
         .packed
         .as_ref()
         .is_some_and(|p| p.starts_at_entry)
     {
-        event.radius_mm = F::splat(0.0);
+        radius_mm = F::splat(0.0);
         axis_at = axis_at + there.out_mm;
     }
     let arrived = load::<F>(&paths.throughput, first);
@@ -151,7 +154,7 @@ pub fn shade<F: Floats>(
             continue;
         }
         let light_in = light_in.scaled(F::splat(1.0) / keep);
-        let start = start(&event, &scattered, axis_at, [v, w]);
+        let start = start(&event, &scattered, (axis_at, radius_mm), [v, w]);
         let names = if packed.any() {
             rng.bits(packed & sent)
         } else {
@@ -163,18 +166,18 @@ pub fn shade<F: Floats>(
     }
 
     if let Some(importance) = shading.importance {
-        let way = (there.tangent, direction, throughput);
+        let way = (tangent, direction, throughput);
         throughput = divide(importance, paths, first, way, &mut rng, new);
     }
     let turn = event.turn(optics, &mut rng, mask);
     let [u, v, w] = rng.units(mask);
-    let start = start(&event, &turn.scattered, axis_at, [v, w]);
+    let start = start(&event, &turn.scattered, (axis_at, radius_mm), [v, w]);
     let kept = throughput.times(turn.weight);
     let absorbed = load::<F>(&paths.absorbed, first) + (arrived - kept);
     let (survives, carried) = match shading.importance {
         None => survivors(kept, FIBRE_SCALE, u, mask),
         Some(importance) => {
-            let lamps = importance.of_lamps(there.tangent, turn.direction);
+            let lamps = importance.of_lamps(tangent, turn.direction);
             let survival = kept.sum() * F::splat(FIBRE_SCALE / 3.0);
             let survival = survival * (importance.base::<F>() + lamps);
             survivors_by(kept, survival, u, mask)
@@ -255,11 +258,11 @@ pub fn shade<F: Floats>(
 fn start<F: Floats>(
     event: &NearEvent<F>,
     toward: &Scattered<F>,
-    axis_at: V3<F>,
+    (axis_at, radius_mm): (V3<F>, F),
     units: [F; 2],
 ) -> V3<F> {
     let normal = event.exit_normal(toward, units);
-    normal.scaled_add(event.radius_mm, axis_at)
+    normal.scaled_add(radius_mm, axis_at)
 }
 
 /// A ray that starts at a fibre of the only body.

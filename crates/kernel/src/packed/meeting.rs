@@ -3,11 +3,12 @@
 
 use super::fibre_volume::FibreVolume;
 use super::volume_ray::VolumeRay;
-use crate::fibres::near_event::Met;
+use crate::fibres::met_fibres::Met;
 use crate::voxels::population_tables::populations;
 use crate::voxels::seen_tangent::SpreadFibres;
-use organza_lanes::math::{LaneRng, V3, beside};
+use organza_lanes::math::{LaneRng, V3};
 use organza_lanes::{Floats, MAX_LANES, Mask, SetBits};
+use organza_scatter::near::Frame;
 
 /// Packed fibres that lanes met.
 pub struct PackedMeeting<F: Floats> {
@@ -55,25 +56,15 @@ impl FibreVolume {
         let tangent = seen.tangent;
         let tangent = tangent.scaled(one / tangent.dot(tangent).sqrt());
 
-        // The frame of the fibre, as the event will see it.
-        let side = w_out.cross(tangent);
-        let square = side.dot(side);
-        let lost = square.below(F::splat(1e-14));
-        let mut side = side.scaled(one / square.max(F::splat(1e-14)).sqrt());
-        if (mask & lost).any() {
-            side = beside(tangent).or_where_not(lost, side);
-        }
-        let forward = side.cross(tangent);
-        let deep = (one - offset * offset).max(F::splat(0.0)).sqrt();
-        let normal = side.scaled_add(offset, forward.scaled(-deep));
-        let out_mm = normal.scaled(population.radius_mm());
+        let frame = Frame::new(tangent, w_out);
+        let out_mm = frame.surface(offset).scaled(population.radius_mm());
         let voxel_mm = V3::splat(self.cell_grid.voxel_mm());
         let at_mm = V3 { x, y, z }.times(voxel_mm);
         PackedMeeting {
             met: Met {
-                tangent,
+                frame,
                 out_mm,
-                w_out,
+                offset,
             },
             axis_at_mm: at_mm - out_mm,
             material: population.material(),

@@ -72,7 +72,7 @@ fn walks_among_clear_rough_fibres_keep_their_light() {
             let t = shown_tangent(w, &mut rng);
             let h = 2.0 * rng.unit() - 1.0;
             let lobe = fibre.near_field(FibreFrame::new(t, w), h);
-            let drawn = lobe.choose_lobe(&mut rng).sample(w, &mut rng).unwrap();
+            let drawn = lobe.sample(w, &mut rng).unwrap();
             product *= f64::from(drawn.weight.mean());
             w = -drawn.w_in;
             let lobe = fibre.far_field(shown_tangent(v, &mut rng));
@@ -127,7 +127,7 @@ fn near_fields_keep_light_in_the_mean_over_offsets() {
         let mut energy = |h: f32| -> Moments {
             let near = fibre.near_field(frame, h);
             let draw = |rng: &mut PathRng| {
-                let drawn = near.choose_lobe(rng).sample(w_out, rng);
+                let drawn = near.sample(w_out, rng);
                 drawn.map_or(0.0, |s| f64::from(s.weight.0.x))
             };
             (0..draws(4000)).map(|_| draw(&mut rng)).collect()

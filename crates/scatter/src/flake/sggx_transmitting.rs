@@ -20,8 +20,9 @@
 use super::catalogue::FlakeRecord;
 use super::populations::PopulationFlakes;
 use super::{DiffuseFlake, FlakeScattering, MicroFlake};
-use crate::cylinder::{Crossing, offsets};
+use crate::cylinder::{attenuations, offsets};
 use crate::longitudinal::Inclinations;
+use crate::near::crossing::{Crossing, MIN_COS, incidence};
 use crate::{AxialFlake, FibreAngles, FibreFrame, FlakeMaterials, FlakeOptics, LobeSample};
 use glam::Vec3;
 use organza_basis::{FibrePopulation, Mixture, PathRng, Rgb};
@@ -78,8 +79,8 @@ impl ClearFibre {
 
     /// What light keeps that leaves in each way, and the probabilities of drawing them: their
     /// shares without absorption.
-    fn shares(&self, crossing: &Crossing) -> [(Rgb, f32); WAYS] {
-        let [r, tt, trt, rest] = crossing.attenuations(self.absorption_radii);
+    fn shares(&self, crossing: &Crossing<f32>) -> [(Rgb, f32); WAYS] {
+        let [r, tt, trt, rest] = attenuations(crossing, self.absorption_radii);
         let mut mirrored = r;
         mirrored += rest;
         let through = (1.0 - crossing.fresnel) * (1.0 - crossing.fresnel);
@@ -91,7 +92,7 @@ impl ClearFibre {
         ]
     }
 
-    fn crossing(&self, mean_cos: f32, gamma_rad: f32) -> Crossing {
+    fn crossing(&self, mean_cos: f32, gamma_rad: f32) -> Crossing<f32> {
         Crossing::new(self.ior.max(MIN_IOR), mean_cos, gamma_rad.sin())
     }
 
@@ -100,7 +101,7 @@ impl ClearFibre {
     /// largest azimuth. The inverse of `2 (g - g')` with `sin g = index sin g'`.
     fn gamma_of_turn(&self, mean_cos: f32, turn_rad: f32) -> Option<(f32, f32)> {
         let ior = self.ior.max(MIN_IOR);
-        let cos = mean_cos.clamp(crate::cylinder::MIN_COS, 1.0);
+        let cos = mean_cos.clamp(MIN_COS, 1.0);
         let index = (ior * ior - 1.0 + cos * cos).sqrt() / cos;
         let (sin, cos) = (0.5 * turn_rad).sin_cos();
         let along = index * cos - 1.0;
@@ -121,12 +122,12 @@ impl ClearFibre {
         let ior = self.ior.max(MIN_IOR);
         let (mut turns, mut gammas) = (0.0, 0.0);
         for (h, weight) in offsets(RETURN_NODES) {
-            let crossing = Crossing::new(ior, 1.0, h);
+            let (crossing, gamma_rad) = (Crossing::new(ior, 1.0, h), incidence(h));
             let f = crossing.fresnel;
             let light = weight * f * (1.0 - f) * (1.0 - f);
-            let turn = 4.0 * crossing.gamma_t_rad - 2.0 * crossing.gamma_i_rad;
+            let turn = 4.0 * crossing.gamma_t - 2.0 * gamma_rad;
             turns += light * turn * turn;
-            gammas += light * crossing.gamma_i_rad * crossing.gamma_i_rad;
+            gammas += light * gamma_rad * gamma_rad;
         }
         let [least, most] = RETURN_TURNS;
         (turns / gammas.max(f32::MIN_POSITIVE))
@@ -210,7 +211,7 @@ impl TransmittingFlakes {
         let [_, (_, through), (_, returned)] = fibre.shares(&crossing);
         let chosen = rng.unit();
         let turn_rad = if chosen < through {
-            2.0 * (gamma_rad - crossing.gamma_t_rad)
+            2.0 * (gamma_rad - crossing.gamma_t)
         } else if chosen < through + returned {
             PI - return_turn * gamma_rad
         } else {

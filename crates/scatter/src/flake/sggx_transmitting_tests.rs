@@ -1,5 +1,6 @@
 use super::*;
-use crate::cylinder::{LOBES, mean_attenuations};
+use crate::cylinder::mean_attenuations;
+use crate::near::LOBES;
 use crate::proofs::{draws, fails};
 use organza_basis::hypothesis::{SphereGrid, t_test, welch_test};
 use organza_basis::{Moments, warp};
@@ -156,7 +157,8 @@ fn light_leaves_where_a_cylinder_sends_it() {
         let s = flakes.sample(&mixture, None, Vec3::Z, &mut rng).unwrap();
         let azimuth = (-s.w_in.z).clamp(-1.0, 1.0).acos();
         count(&mut got, [ahead(azimuth), back(azimuth)]);
-        let crossing = Crossing::new(1.55, 1.0, 2.0 * rng.unit() - 1.0);
+        let h = 2.0 * rng.unit() - 1.0;
+        let crossing = Crossing::new(1.55, 1.0, h);
         // Each meeting with the surface reflects, or ends the way through or out of the fibre.
         let mut reflects = || rng.unit() < crossing.fresnel;
         let lobe = match (reflects(), reflects(), reflects()) {
@@ -166,9 +168,9 @@ fn light_leaves_where_a_cylinder_sends_it() {
             // Reflected more often, which leaves with the mirrored light.
             (false, true, true) => 0,
         };
-        let azimuth = crossing.exit_azimuth_rad(lobe);
+        let azimuth = crossing.exit_azimuth(lobe, incidence(h));
         count(&mut traced, [ahead(azimuth), back(azimuth)]);
-        let azimuth = crossing.exit_azimuth_rad(usize::from(lobe == 1));
+        let azimuth = crossing.exit_azimuth(usize::from(lobe == 1), incidence(h));
         count(&mut as_mirrors, [ahead(azimuth), back(azimuth)]);
     }
     for (got, traced) in got.iter().zip(&traced) {

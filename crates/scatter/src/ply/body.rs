@@ -10,13 +10,13 @@
 //! leaves at the sides of a ply of clear fibres still goes forward.
 
 use super::sent::{PLACES, Sent};
-use super::{PlyParameters, PlyPlace, exit_from_fibre, first_fibre};
+use super::{PlyParameters, PlyPlace, first_fibre};
 use crate::fibre::Fibre;
 use crate::fibre_frame::{FibreAngles, FibreFrame};
 use crate::lobe::Lobe;
-use crate::longitudinal::wrap;
 use glam::Vec3;
 use organza_basis::{PathRng, Rgb};
+use organza_lanes::math::wrap;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// Cells of the inclination of what comes in, 0 to 90 degrees; the other half is the mirror
@@ -374,7 +374,7 @@ impl Walker<'_> {
             let near = self.fibre.near_field(met_at, 2.0 * rng.unit() - 1.0);
             let next = near.sample(-travel, rng)?;
             weight *= next.weight;
-            let off = exit_from_fibre(&near, self.parameters.fibre_radius_mm, next.w_in, rng);
+            let off = near.exit_mm(self.parameters.fibre_radius_mm, next.w_in, rng);
             place = place.moved(off, 1.0);
             travel = next.w_in;
             if weight.max_component() < SURVIVAL {

@@ -218,8 +218,8 @@ fn light_that_a_fibre_reflects_leaves_from_where_it_was_met() {
                 let normal = frame.side * h - frame.forward * (1.0 - h * h).sqrt();
                 2.0 * w_out.dot(normal) * normal - w_out
             };
-            let near = dark.near_field(frame, h).choose_lobe(&mut rng);
-            let exit_mm = exit_from_fibre(&near, radius_mm, mirrored(h), &mut rng);
+            let near = dark.near_field(frame, h);
+            let exit_mm = near.exit_mm(radius_mm, mirrored(h), &mut rng);
             // The normal is found from its angle, exact to 2e-6; the root doubles that at 0.95.
             let off = exit_mm.length() / radius_mm;
             assert!(

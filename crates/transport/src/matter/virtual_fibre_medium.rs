@@ -369,14 +369,9 @@ impl Scatterer for VirtualFibres {
         else {
             return Vec3::ZERO;
         };
-        let event = PackedEvent {
-            frame: *near.frame(),
-            offset: site.offset,
-            point_mm: Vec3::ZERO,
-            radius_mm: population.radius_mm,
-        };
         let fibre = &self.fibres[usize::from(population.material)];
-        event.exit_mm(&fibre.near_field_of(*near), w_in, rng)
+        let near = fibre.near_field_of(*near);
+        near.exit_mm(population.radius_mm, w_in, rng)
     }
 
     fn sigma_t(&self, site: &VirtualFibreSite, w: Vec3) -> f32 {

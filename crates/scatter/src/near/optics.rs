@@ -1,14 +1,13 @@
 //! How fibres scatter, laid out for lanes.
 
+use super::LOBES;
+use super::parts::{NearKind, NearParts};
 use super::section_lobes::{SectionLobes, lay_out_section};
+use crate::fibre::Fibre;
 use organza_lanes::math::V3;
 use organza_lanes::word_of;
 use organza_lanes::{Floats, Ints, Mask};
-use organza_scatter::{Fibre, NearKind};
 use std::f32::consts::PI;
-
-/// Lobes: R, TT, TRT and the rest.
-pub const LOBES: usize = 4;
 
 /// Words of a material before its balance.
 const HEAD: u32 = 32;
@@ -38,7 +37,9 @@ const NODE: u32 = 8;
 /// Behind all materials stand the nodes of their balances, over even steps of the cosine
 /// of the inclination from 0 to 1; eight words each: the scale c of red, green and blue,
 /// their mean, and the norms of the four lobes.
+#[derive(Debug)]
 pub struct Optics {
+    /// As above.
     pub words: Vec<u32>,
     /// Materials.
     pub count: u32,
@@ -51,25 +52,25 @@ pub struct Optics {
 /// One material in every lane.
 #[derive(Clone, Copy)]
 pub struct Material<F: Floats> {
-    pub is_dielectric: F::Mask,
+    pub(super) is_dielectric: F::Mask,
     /// Fibres that are not round.
-    pub is_section: F::Mask,
-    pub section: SectionLobes<F>,
-    pub ior: F,
+    pub(super) is_section: F::Mask,
+    pub(super) section: SectionLobes<F>,
+    pub(super) ior: F,
     /// Absorption times radius of a dielectric; of a fitted fibre R at normal
     /// incidence.
-    pub absorption: V3<F>,
+    pub(super) absorption: V3<F>,
     /// Of a fitted fibre what TT keeps.
-    pub colour_tt: V3<F>,
-    pub blurs: [F; LOBES],
-    pub inverse_blurs: [F; LOBES],
+    pub(super) colour_tt: V3<F>,
+    pub(super) blurs: [F; LOBES],
+    pub(super) inverse_blurs: [F; LOBES],
     /// Cosine of how near to an end folds matter.
-    pub fold_cosines: [F; LOBES],
-    pub azimuth_blur: F,
-    pub inverse_azimuth_blur: F,
+    pub(super) fold_cosines: [F; LOBES],
+    pub(super) azimuth_blur: F,
+    pub(super) inverse_azimuth_blur: F,
     /// Square of the blur of R, by which c is kept finite near the axis.
     near_axis: F,
-    pub max_drawn: F,
+    pub(super) max_drawn: F,
     nodes: F,
     first_node: F::Ints,
 }
@@ -91,19 +92,25 @@ fn shade(kind: &NearKind) -> u8 {
 }
 
 /// The balance at an inclination.
+#[derive(Clone, Copy)]
 pub struct Balanced<F: Floats> {
-    pub scale: V3<F>,
-    pub norms: [F; LOBES],
+    pub(super) scale: V3<F>,
+    pub(super) norms: [F; LOBES],
 }
 
 impl Optics {
     /// Lays fibres out in the order of their numbers.
     pub fn new(fibres: &[Fibre]) -> Optics {
+        let parts: Vec<NearParts> = fibres.iter().map(Fibre::near_parts).collect();
+        Optics::of_parts(&parts)
+    }
+
+    /// The same of their parts.
+    pub(crate) fn of_parts(fibres: &[NearParts]) -> Optics {
         let mut words = vec![0; fibres.len().max(1) * HEAD as usize];
         let mut has_sections = false;
         let mut shades = Vec::with_capacity(fibres.len());
-        for (i, fibre) in fibres.iter().enumerate() {
-            let parts = fibre.near_parts();
+        for (i, parts) in fibres.iter().enumerate() {
             shades.push(shade(&parts.kind));
             let first = words.len() as u32;
             for node in &parts.balance {
@@ -163,6 +170,11 @@ impl Optics {
     /// Bytes in use.
     pub fn memory_bytes(&self) -> u64 {
         4 * self.words.len() as u64
+    }
+
+    /// The only material.
+    pub(crate) fn material(&self) -> Material<f32> {
+        self.materials(organza_lanes::one::Word(0))
     }
 
     /// Materials by their numbers.

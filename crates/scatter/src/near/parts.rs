@@ -1,7 +1,8 @@
 //! A near field taken apart, for kernels that evaluate it in their own way.
 
-use crate::cylinder::LOBES;
+use super::LOBES;
 use crate::fibre::Fibre;
+use crate::longitudinal::{Balance, Blur};
 use organza_basis::Rgb;
 
 /// The numbers that a [`NearField`](crate::NearField) is computed from.
@@ -80,31 +81,22 @@ pub enum NearKind {
 impl Fibre {
     /// The numbers behind its near field.
     pub fn near_parts(&self) -> NearParts {
-        let blurs = self.blurs();
+        match self {
+            Fibre::Dielectric(f) => f.near_parts(),
+            Fibre::Fitted(f) => f.near_parts(),
+        }
+    }
+}
+
+impl NearParts {
+    /// Of a kind of fibre with its blurs, the deviation of its azimuth, and its balance.
+    pub(crate) fn new(
+        kind: NearKind,
+        blurs: &[Blur],
+        azimuthal_rad: f32,
+        balance: &Balance,
+    ) -> NearParts {
         let of = |p: usize| blurs.get(p).unwrap_or(&blurs[0]).deviation_rad;
-        let (azimuthal_rad, kind) = match self {
-            Fibre::Dielectric(f) => {
-                let p = f.parameters();
-                let kind = NearKind::Dielectric {
-                    ior: p.ior,
-                    absorption_radii: p.absorption_radii,
-                };
-                (f.azimuth_blur_rad(), kind)
-            }
-            Fibre::Fitted(f) => {
-                let p = f.parameters();
-                let kind = NearKind::Fitted {
-                    colour_r: p.colour_r,
-                    colour_tt: p.colour_tt,
-                };
-                (f.azimuth_blur_rad(), kind)
-            }
-        };
-        let section = match self {
-            Fibre::Dielectric(f) => f.section_table(),
-            Fibre::Fitted(_) => None,
-        };
-        let balance = self.balance();
         let node = |i: usize| {
             let bare = balance.node(i);
             BalanceNode {
@@ -118,7 +110,7 @@ impl Fibre {
             kind,
             balance: (0..balance.nodes()).map(node).collect(),
             max_drawn: balance.most(),
-            section,
+            section: None,
         }
     }
 }

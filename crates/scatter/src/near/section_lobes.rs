@@ -7,12 +7,14 @@
 // the back end's instructions.
 #![allow(clippy::needless_range_loop)]
 
-use super::optics::{LOBES, Optics};
+use super::LOBES;
+use super::optics::Optics;
+use super::parts::SectionTable;
+use crate::FAR_ROWS;
 use organza_basis::AliasTable;
 use organza_lanes::math::V3;
 use organza_lanes::{Floats, Ints};
 use organza_lanes::{vector_of, word_of};
-use organza_scatter::{FAR_ROWS, SectionTable};
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Words of a row before its nodes: light of the remainder, one of room, chances of lobes.
@@ -177,14 +179,10 @@ fn mixed<F: Floats>(a: V3<F>, b: V3<F>, share: F) -> V3<F> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fibres::near_event::{Met, NearEvent};
-    use glam::Vec3;
+    use crate::{DielectricFibre, DielectricParameters, Fibre, FibreFrame, Lobe, Section};
     use organza_basis::hypothesis::LineGrid;
     use organza_basis::{PathRng, Rgb, warp};
-    use organza_lanes::one;
-    use organza_scatter::{
-        DielectricFibre, DielectricParameters, Fibre, FibreFrame, Lobe, Section,
-    };
+    use organza_lanes::one::Word;
 
     fn fibre(section: Option<Section>) -> Fibre {
         let parameters = DielectricParameters {
@@ -196,33 +194,22 @@ mod tests {
         Fibre::Dielectric(DielectricFibre::with_section(parameters, section).unwrap())
     }
 
-    /// Every event is that of the general walk, value and density.
+    /// At every offset value and density are those of the far field, which looks them up in its
+    /// own way.
     #[test]
-    fn events_are_those_of_the_general_walk() {
+    fn near_fields_are_the_far_field() {
         let section = fibre(Some(Section::Trilobal));
-        let all = !one::F::splat(0.0).below(one::F::splat(0.0));
         let off = |fibre: &Fibre| {
-            let optics = Optics::new(std::slice::from_ref(fibre));
             let mut rng = PathRng::from_seed(72);
             let mut worst = 0.0f32;
             for _ in 0..400 {
                 let [t, w_out, w_in] = [(); 3].map(|()| warp::uniform_sphere(rng.unit2()));
-                let frame = FibreFrame::new(t, w_out);
                 let h = 1.8 * rng.unit() - 0.9;
-                let out = frame.side * h - frame.forward * (1.0 - h * h).sqrt();
-                let near = section.near_field(frame, h);
-                let met = Met {
-                    tangent: V3::splat(t),
-                    out_mm: V3::splat(out),
-                    w_out: V3::splat(w_out),
-                };
-                let material = optics.materials::<one::F>(one::U::splat(0));
-                let event = NearEvent::new(&optics, material, &met, all);
-                let got = event.toward(&optics, V3::splat(w_in), all);
-                let value = near.eval(w_out, w_in).0;
-                let own = Vec3::new(got.value.x.0, got.value.y.0, got.value.z.0);
-                let pdf = near.pdf(w_out, w_in);
-                let apart = (own - value).abs().max_element() + (got.pdf.0 - pdf).abs();
+                let near = fibre.near_field(FibreFrame::new(t, w_out), h);
+                let far = section.far_field(t);
+                let (value, pdf) = (far.eval(w_out, w_in).0, far.pdf(w_out, w_in));
+                let apart = (near.eval(w_out, w_in).0 - value).abs().max_element()
+                    + (near.pdf(w_out, w_in) - pdf).abs();
                 worst = worst.max(apart / (value.max_element() + pdf + 1e-3));
             }
             worst
@@ -235,8 +222,8 @@ mod tests {
     #[test]
     fn azimuths_are_drawn_with_their_density() {
         let optics = Optics::new(&[fibre(Some(Section::Ribbon))]);
-        let table = optics.materials::<one::F>(one::U::splat(0)).section;
-        let cos = one::F::splat(0.77);
+        let table = optics.material().section;
+        let cos = 0.77f32;
         let mut rng = PathRng::from_seed(73);
         for lobe in 0..3 {
             let line = LineGrid {
@@ -245,13 +232,13 @@ mod tests {
                 cells: 48,
             };
             let density = |azimuth: f64| {
-                let at = table.at(&optics, cos, one::F::splat(azimuth as f32));
-                f64::from(at[lobe].1.0)
+                let at = table.at(&optics, cos, azimuth as f32);
+                f64::from(at[lobe].1)
             };
             let mut draw = || {
-                let u = [(); 2].map(|()| [(); 3].map(|()| one::F::splat(rng.unit())));
-                let own = one::U::splat(lobe as u32);
-                Some(f64::from(table.azimuth(&optics, own, cos, u).0))
+                let u = [(); 2].map(|()| [(); 3].map(|()| rng.unit()));
+                let own = Word(lobe as u32);
+                Some(f64::from(table.azimuth(&optics, own, cos, u)))
             };
             let verdict = line.chi_square(20_000, &mut draw, density);
             assert!(verdict.p_value > 1e-4, "seed 73, {lobe}: {verdict:?}");

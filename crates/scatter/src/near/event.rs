@@ -1,47 +1,36 @@
-//! Light at the surface of a fibre, in lanes: the near field of
-//! [`organza_scatter::NearField`], term by term.
-//!
+//! Light at the surface of a fibre at a known offset, of one path or of many: the near field.
+//
 // Loops over lobes go by index: the compiler may leave iterators of vectors without
 // the back end's instructions.
 #![allow(clippy::needless_range_loop)]
 
-use super::crossing::{Crossing, atan2, exp};
-use super::optics::{Balanced, LOBES, Material, Optics};
+use super::LOBES;
+use super::crossing::{Crossing, incidence};
+use super::frame::Frame;
+use super::optics::{Balanced, Material, Optics};
+use crate::inclination_pair::InclinationPair;
+use crate::longitudinal::{folded_gaussian, wrapped_gaussian};
 use glam::Vec3;
-use organza_lanes::math::{LaneRng, V3, beside, minus_ln, positive, sin_cos_of_turns};
+use organza_lanes::math::{Draws, V3, asin, atan2, clamp, normal, sin_cos, sin_cos_of_turns, wrap};
 use organza_lanes::{Floats, Ints, Mask};
-use organza_scatter::InclinationPair;
-use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-const INVERSE_SQRT_TAU: f32 = 0.398_942_3;
 /// Tries to draw an inclination before the last one is taken.
 const MAX_TRIES: u32 = 2048;
 
-/// What is met, and by what.
-pub struct Met<F: Floats> {
-    /// Unit tangent of the fibre.
-    pub tangent: V3<F>,
-    /// From the axis to the point met, mm.
-    pub out_mm: V3<F>,
-    /// Unit, back along the way.
-    pub w_out: V3<F>,
-}
-
 /// An event in every lane.
+#[derive(Clone, Copy)]
 pub struct NearEvent<F: Floats> {
-    tangent: V3<F>,
-    forward: V3<F>,
-    side: V3<F>,
-    sin_out: F,
-    cos_out: F,
-    offset: F,
+    /// Of the fibre and the walk.
+    pub frame: Frame<F>,
+    /// Where across the fibre's width it was met, in `[-1, 1]`.
+    pub offset: F,
     gamma_i: F,
     material: Material<F>,
     out: Balanced<F>,
     /// Probability of drawing each lobe, and that over its norm.
     shares: [F; LOBES],
     draws: [F; LOBES],
-    pub radius_mm: F,
     /// Angles of the surface normals where R, TT and TRT leave.
     exit_normals: [F; LOBES - 1],
 }
@@ -66,52 +55,39 @@ pub struct Scattered<F: Floats> {
 
 /// Where a walk goes on.
 pub struct Turn<F: Floats> {
+    /// Unit.
     pub direction: V3<F>,
+    /// What the walk's throughput is multiplied by.
     pub weight: V3<F>,
+    /// What the event does with light from there.
     pub scattered: Scattered<F>,
 }
 
 impl<F: Floats> NearEvent<F> {
-    /// The event of lanes of a mask.
+    /// The event of lanes of a mask, with fibres that were met at an offset.
     #[inline(always)]
-    pub fn new(optics: &Optics, material: Material<F>, met: &Met<F>, mask: F::Mask) -> Self {
+    pub fn new(
+        optics: &Optics,
+        material: Material<F>,
+        (frame, offset): (Frame<F>, F),
+        mask: F::Mask,
+    ) -> Self {
         let one = F::splat(1.0);
-        let tangent = met.tangent;
-        let sin_out = clamp(tangent.dot(met.w_out));
-        let cross = met.w_out.cross(tangent);
-        let cos_out = cross.dot(cross).sqrt();
-        // Rounding has tilted a short product toward the tangent.
-        let upright = tangent.scaled_add(-tangent.dot(cross), cross);
-        let length = upright.dot(upright).sqrt();
-        let is_long = F::splat(1e-7).below(length);
-        let side = upright
-            .scaled(one / length)
-            .or_where_not(is_long, beside(tangent));
-        let forward = side.cross(tangent);
-        let cos_out = cos_out.min(one);
-        // Across the tangent, which at a bend is not that of the cylinder.
-        let across = tangent.scaled_add(-tangent.dot(met.out_mm), met.out_mm);
-        let height = across.dot(across).sqrt();
-        let offset = clamp(across.dot(side) / height.max(F::splat(1e-20)));
-        let gamma_i = atan2(offset, (one - offset * offset).max(F::splat(0.0)).sqrt());
+        let cos_out = frame.cos_out;
+        // Kept as far from zero as blur moves the mean inclination: exactly along the fibre a
+        // smooth one only reflects, while a rough one also transmits.
         let blur = material.blurs[0];
         let drawing = (cos_out.mul_add(cos_out, blur * blur * F::splat(0.25)))
             .min(one)
             .sqrt();
-        let out = optics.balanced(&material, cos_out);
         let mut event = NearEvent {
-            tangent,
-            forward,
-            side,
-            sin_out,
-            cos_out,
+            frame,
             offset,
-            gamma_i,
+            gamma_i: incidence(offset),
             material,
-            out,
+            out: optics.balanced(&material, cos_out),
             shares: [F::splat(0.0); LOBES],
             draws: [F::splat(0.0); LOBES],
-            radius_mm: met.out_mm.dot(met.out_mm).sqrt(),
             exit_normals: [F::splat(0.0); LOBES - 1],
         };
         let crossing = event.crossing(drawing);
@@ -135,7 +111,7 @@ impl<F: Floats> NearEvent<F> {
             event.shares[p] = (sent[p] / total).or_where_not(some, any);
             event.draws[p] = event.shares[p] / event.out.norms[p].max(F::splat(f32::MIN_POSITIVE));
         }
-        let crossing = event.crossing(event.cos_out);
+        let crossing = event.crossing(cos_out);
         for p in 0..LOBES - 1 {
             event.exit_normals[p] = crossing.exit_normal(p, event.gamma_i);
         }
@@ -164,12 +140,8 @@ impl<F: Floats> NearEvent<F> {
             all = crossing.attenuations(m.absorption);
         }
         if fitted {
-            let one = F::splat(1.0);
-            let x = (one - mean_cos).max(F::splat(0.0)).min(one);
-            let square = x * x;
-            let fifth = square * square * x;
             let white = V3::splat(Vec3::ONE);
-            let r = (white - m.absorption).scaled_add(fifth, m.absorption);
+            let r = schlick(m.absorption, mean_cos);
             let own = [r, (white - r).times(m.colour_tt), zero, zero];
             for p in 0..LOBES {
                 all[p] = all[p].or_where_not(m.is_dielectric, own[p]);
@@ -203,22 +175,13 @@ impl<F: Floats> NearEvent<F> {
     #[inline(always)]
     fn wrapped(&self, apart: F, mask: F::Mask) -> F {
         let m = &self.material;
-        let x = wrap(apart).abs();
-        let inverse = m.inverse_azimuth_blur;
-        let mut value = bell(x * inverse);
-        let around = F::splat(TAU) - x;
-        let seen = around.below(m.azimuth_blur * F::splat(6.0));
-        if (mask & seen).any() {
-            let more = bell(around * inverse) + bell((x + F::splat(TAU)) * inverse);
-            value = (value + more).or_where_not(seen, value);
-        }
-        value * inverse * F::splat(INVERSE_SQRT_TAU)
+        wrapped_gaussian(apart, [m.azimuth_blur, m.inverse_azimuth_blur], mask)
     }
 
     /// The inclination of a direction with that of the way.
     #[inline(always)]
     fn pair(&self, sin: F, cos: F) -> InclinationPair<F> {
-        InclinationPair::new([sin, cos], [self.sin_out, self.cos_out])
+        InclinationPair::new([sin, cos], [self.frame.sin_out, self.frame.cos_out])
     }
 
     /// Densities per radian of the inclination, of each lobe.
@@ -240,12 +203,8 @@ impl<F: Floats> NearEvent<F> {
         let mut all = [F::splat(0.0); LOBES];
         for p in 0..LOBES - 1 {
             let inverse = m.inverse_blurs[p];
-            let mut value = bell(sum * inverse);
-            if some_fold {
-                let own = m.fold_cosines[p].below(cos);
-                value = (value + bell(at_fold * inverse)).or_where_not(own, value);
-            }
-            all[p] = value * inverse * F::splat(INVERSE_SQRT_TAU);
+            let own = mask & m.fold_cosines[p].below(cos);
+            all[p] = folded_gaussian([sum, at_fold], inverse, own);
         }
         // The rest is as wide as TRT.
         all[3] = all[2];
@@ -256,9 +215,10 @@ impl<F: Floats> NearEvent<F> {
     #[inline(always)]
     pub fn toward(&self, optics: &Optics, w_in: V3<F>, mask: F::Mask) -> Scattered<F> {
         let one = F::splat(1.0);
-        let (x, y) = (w_in.dot(self.forward), w_in.dot(self.side));
+        let frame = &self.frame;
+        let (x, y) = (w_in.dot(frame.forward), w_in.dot(frame.side));
         let angles = Angles {
-            sin: clamp(w_in.dot(self.tangent)),
+            sin: clamp(w_in.dot(frame.tangent)),
             cos: x.mul_add(x, y * y).sqrt().min(one),
             azimuth: atan2(y, x),
         };
@@ -308,7 +268,7 @@ impl<F: Floats> NearEvent<F> {
 
     /// Draws where light comes from, for lanes of a mask.
     #[inline(always)]
-    pub fn turn(&self, optics: &Optics, rng: &mut LaneRng<F::Ints>, mask: F::Mask) -> Turn<F> {
+    pub fn turn(&self, optics: &Optics, rng: &mut impl Draws<F>, mask: F::Mask) -> Turn<F> {
         let one = F::splat(1.0);
         let m = &self.material;
         let [u_lobe, u_radius, u_angle] = rng.units(mask);
@@ -323,8 +283,10 @@ impl<F: Floats> NearEvent<F> {
             let [u, v, keep] = rng.units(left);
             let turns = normal(u, v) * blur * F::splat(1.0 / TAU);
             let (s, c) = sin_cos_of_turns(turns - turns.floor());
-            let drawn_sin = clamp(s * self.cos_out - c * self.sin_out);
-            let drawn_cos = c.mul_add(self.cos_out, s * self.sin_out).abs().min(one);
+            let (sin_out, cos_out) = (self.frame.sin_out, self.frame.cos_out);
+            // Folded at an end the sine stays and the cosine changes its sign.
+            let drawn_sin = clamp(s * cos_out - c * sin_out);
+            let drawn_cos = c.mul_add(cos_out, s * sin_out).abs().min(one);
             sin = drawn_sin.or_where_not(left, sin);
             cos = drawn_cos.or_where_not(left, cos);
             let drawing = optics.mean_scale(m, drawn_cos) * drawn_cos * drawn_cos;
@@ -360,9 +322,8 @@ impl<F: Floats> NearEvent<F> {
         }
 
         let (s, c) = sin_cos(azimuth);
-        let across = self.forward.scaled(c * cos);
-        let across = self.side.scaled_add(s * cos, across);
-        let direction = self.tangent.scaled_add(sin, across);
+        let across = self.frame.across([s * cos, c * cos]);
+        let direction = self.frame.tangent.scaled_add(sin, across);
         let length = direction.dot(direction);
         let angles = Angles { sin, cos, azimuth };
         let scattered = self.scattered(optics, angles, &pair, &crossing, mask);
@@ -376,8 +337,14 @@ impl<F: Floats> NearEvent<F> {
         }
     }
 
-    /// The unit normal of the surface where light leaves toward a direction: see
-    /// [`organza_scatter::NearField::exit_normal`].
+    /// Unit outward normal of the surface point, on the fibre's cross-section through the
+    /// event, where light leaves toward a direction by a lobe drawn in proportion to what it
+    /// sends there, so that the mean over draws is that over lobes.
+    ///
+    /// R, TT and TRT of a round dielectric leave where a smooth cylinder sends them, and so
+    /// does R of another section; lobes whose paths are not resolved leave evenly over the
+    /// width that faces the direction. Where blur turns light into the fibre it leaves from
+    /// the nearest point of the outline instead, so that no ray starts into its own fibre.
     #[inline(always)]
     pub fn exit_normal(&self, toward: &Scattered<F>, [u_lobe, u_place]: [F; 2]) -> V3<F> {
         let one = F::splat(1.0);
@@ -385,8 +352,7 @@ impl<F: Floats> NearEvent<F> {
         let lobe = pick(&toward.sent, u_lobe * total);
         let exits = &self.exit_normals;
         let s = u_place + u_place - one;
-        let spread = atan2(s, (one - s * s).max(F::splat(0.0)).sqrt());
-        let anywhere = toward.angles.azimuth + spread;
+        let anywhere = toward.angles.azimuth + asin(s);
         let word = F::Ints::splat;
         // Of fibres that are not round only R.
         let resolved = (self.material.is_dielectric & !lobe.equals(word(3)))
@@ -397,46 +363,24 @@ impl<F: Floats> NearEvent<F> {
             .max(F::splat(-FRAC_PI_2))
             .min(F::splat(FRAC_PI_2));
         let (s, c) = sin_cos(wrap(toward.angles.azimuth + aside));
-        self.side.scaled_add(s, self.forward.scaled(c))
+        self.frame.across([s, c])
     }
 }
 
+/// Schlick's reflectance per channel for that at normal incidence.
 #[inline(always)]
-fn clamp<F: Floats>(x: F) -> F {
-    x.max(F::splat(-1.0)).min(F::splat(1.0))
-}
-
-/// `exp(-x^2 / 2)`.
-#[inline(always)]
-fn bell<F: Floats>(x: F) -> F {
-    exp(x * x * F::splat(-0.5))
-}
-
-/// A standard normal number.
-#[inline(always)]
-fn normal<F: Floats>(u: F, v: F) -> F {
-    let half_square = minus_ln(positive(u));
-    let (_, cos) = sin_cos_of_turns(v);
-    (half_square + half_square).sqrt() * cos
-}
-
-/// An angle brought to between about -pi and pi.
-#[inline(always)]
-fn wrap<F: Floats>(angle: F) -> F {
-    let turns = (angle * F::splat(0.5 * FRAC_1_PI) + F::splat(0.5)).floor();
-    turns.mul_add(F::splat(-TAU), angle)
-}
-
-#[inline(always)]
-fn sin_cos<F: Floats>(angle: F) -> (F, F) {
-    let turns = angle * F::splat(0.5 * FRAC_1_PI);
-    sin_cos_of_turns(turns - turns.floor())
+pub(crate) fn schlick<F: Floats>(normal: V3<F>, cos: F) -> V3<F> {
+    let one = F::splat(1.0);
+    let x = (one - cos).max(F::splat(0.0)).min(one);
+    let square = x * x;
+    let fifth = square * square * x;
+    (V3::splat(Vec3::ONE) - normal).scaled_add(fifth, normal)
 }
 
 /// The index at which the sum of parts first exceeds `left`, never of a part
 /// that is zero unless all are.
 #[inline(always)]
-fn pick<F: Floats>(parts: &[F; LOBES], mut left: F) -> F::Ints {
+pub(crate) fn pick<F: Floats>(parts: &[F; LOBES], mut left: F) -> F::Ints {
     let word = F::Ints::splat;
     let zero = F::splat(0.0);
     let mut chosen = word(0);

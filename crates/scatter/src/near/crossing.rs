@@ -1,33 +1,36 @@
-//! Ray optics of a smooth cylinder in lanes: [`organza_scatter::cylinder`].
+//! Ray optics of a smooth dielectric cylinder, after [Marschner2003].
+//!
+//! A ray at inclination theta (from the plane across the axis) meets the cylinder at offset
+//! h in `[-1, 1]`. Seen along the axis it refracts with the effective index
+//! `sqrt(eta^2 - sin^2 theta) / cos theta`; the Fresnel reflectance is that of the true
+//! angle of incidence, whose cosine is `cos(theta) sqrt(1 - h^2)`, with the true index.
 // Loops over lobes go by index: the compiler may leave iterators of vectors without
 // the back end's instructions.
 #![allow(clippy::needless_range_loop)]
 
-use super::optics::LOBES;
+use super::LOBES;
 use organza_lanes::Floats;
-use organza_lanes::math::{V3, exp2, turns_of};
-use std::f32::consts::{LOG2_E, PI, TAU};
+use organza_lanes::math::{V3, asin, atan2, exp};
+use std::f32::consts::PI;
 
 /// Least cosine of the inclination that angles are computed with.
-const MIN_COS: f32 = 1e-4;
+pub(crate) const MIN_COS: f32 = 1e-4;
 
 /// How a ray passes a fibre.
-pub struct Crossing<F: Floats> {
-    gamma_t: F,
-    fresnel: F,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing<F> {
+    /// Angle of refraction seen along the axis, radians.
+    pub gamma_t: F,
+    /// Reflectance at each surface.
+    pub fresnel: F,
+    /// Length of one passage inside, in radii.
     path_radii: F,
 }
 
-/// `e^x` of numbers that are not positive.
+/// Angle of incidence seen along the axis of a ray at an offset, radians.
 #[inline(always)]
-pub fn exp<F: Floats>(x: F) -> F {
-    exp2(x * F::splat(LOG2_E))
-}
-
-/// The angle of (x, y), radians.
-#[inline(always)]
-pub fn atan2<F: Floats>(y: F, x: F) -> F {
-    turns_of(y, x) * F::splat(TAU)
+pub fn incidence<F: Floats>(offset: F) -> F {
+    asin(offset)
 }
 
 impl<F: Floats> Crossing<F> {
@@ -38,6 +41,7 @@ impl<F: Floats> Crossing<F> {
         let cos = cos.max(least).min(one);
         let cos_squared = cos * cos;
         let ior_squared = ior * ior;
+        // Which must not round to zero for an empty cylinder.
         let index = (ior_squared - one + cos_squared).sqrt() / cos;
         let sin_t = (offset / index).max(-one).min(one);
         let cos_t = (one - sin_t * sin_t).sqrt();
@@ -50,7 +54,8 @@ impl<F: Floats> Crossing<F> {
         }
     }
 
-    /// Part of the light that leaves in each lobe.
+    /// Part of the light that leaves in each lobe, the last being the sum of the whole series
+    /// after TRT. `absorption` is absorption times radius, per channel.
     #[inline(always)]
     pub fn attenuations(&self, absorption: V3<F>) -> [V3<F>; LOBES] {
         let x = self.channel(absorption.x);
@@ -74,13 +79,15 @@ impl<F: Floats> Crossing<F> {
         let t = exp(-(absorption * self.path_radii));
         let tt = (one - f) * (one - f) * t;
         let trt = f * t * tt;
+        // Each further inner reflection multiplies by f t; f < 1 unless grazing, where tt
+        // vanishes faster than 1 - f t.
         let again = f * t;
         let rest = trt * again / (one - again).max(F::splat(1e-6));
         [f, tt, trt, rest]
     }
 
-    /// Angle of the surface normal where light of lobe `p` leaves, from the
-    /// ray's direction across the fibre.
+    /// Angle of the surface normal where light of lobe `p` leaves, about the axis from the
+    /// ray's direction across the fibre, for the angle of incidence.
     #[inline(always)]
     pub fn exit_normal(&self, p: usize, gamma_i: F) -> F {
         let pi = F::splat(PI);
@@ -95,12 +102,14 @@ impl<F: Floats> Crossing<F> {
     }
 }
 
-/// Unpolarised reflectance for the cosine of the angle of incidence.
+/// Unpolarised Fresnel reflectance for the cosine of the angle of incidence and the index of
+/// refraction behind the interface, at least 1.
 #[inline(always)]
-fn fresnel<F: Floats>(cos_i: F, ior: F) -> F {
+pub fn fresnel<F: Floats>(cos_i: F, ior: F) -> F {
     let (zero, one) = (F::splat(0.0), F::splat(1.0));
     let cos_i = cos_i.max(zero).min(one);
     let cos_t = (one - (one - cos_i * cos_i) / (ior * ior)).max(zero).sqrt();
+    // Both sums vanish when a ray grazes an interface between equals.
     let least = F::splat(1e-12);
     let across = (cos_i - ior * cos_t) / ior.mul_add(cos_t, cos_i).max(least);
     let along = (ior * cos_i - cos_t) / ior.mul_add(cos_i, cos_t).max(least);
