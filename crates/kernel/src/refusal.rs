@@ -18,12 +18,12 @@ pub enum Refusal {
     /// A picture of too many pixels.
     #[error("an environment picture has more than 65536 pixels along an edge")]
     Picture,
-    /// A rectangle that the walk finds better.
-    #[error("a rectangle light is inside the matter or too close to it for its size")]
-    Panel,
-    /// A kind of light that only the walk knows.
-    #[error("{0} needs the general walk")]
-    Light(&'static str),
+    /// A light that rays meet between the fibres.
+    #[error("a light with an area is inside the matter")]
+    LightInMatter,
+    /// A light that shadow rays do not look for.
+    #[error("a light with a place is found by the walk alone")]
+    LightOfWalks,
     /// Its tables would take too much.
     #[error("its tables would take up to {0} bytes, more than {1}")]
     Memory(u64, u64),

@@ -5,6 +5,7 @@
 //! and one line in the list at the end of this file.
 
 use crate::directional::DirectionalTable;
+use crate::disc::DiscTable;
 use crate::environment::EnvironmentTable;
 use crate::light::Light;
 use crate::rectangle::RectangleTable;
@@ -85,6 +86,11 @@ pub(crate) fn brightness(c: [f32; 3], key: &'static str) -> Result<Rgb, LightErr
 /// One kind of light, as a `[[light]]` table describes it. The type's own keys are
 /// those of the table.
 pub trait LightKind {
+    /// Keys of a table that lights a cloth about the origin, as an editor adds it.
+    fn example() -> &'static str
+    where
+        Self: Sized;
+
     /// The light.
     ///
     /// # Errors
@@ -114,6 +120,12 @@ macro_rules! lights {
         }
 
         impl LightTable {
+            /// All kinds, as files name them, each with the keys of an
+            /// [example](LightKind::example).
+            pub fn kinds() -> Vec<(&'static str, &'static str)> {
+                vec![$(($name, <$table as LightKind>::example()),)*]
+            }
+
             /// Its kind, as files name it.
             pub fn kind(&self) -> &'static str {
                 match self { $(LightTable::$variant(_) => $name,)* }
@@ -150,5 +162,6 @@ lights! {
     Directional(DirectionalTable) = "directional",
     Environment(EnvironmentTable) = "environment",
     Rectangle(RectangleTable) = "rectangle",
+    Disc(DiscTable) = "disc",
     Spot(SpotTable) = "spot",
 }

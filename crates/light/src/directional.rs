@@ -18,6 +18,10 @@ pub struct DirectionalTable {
 }
 
 impl LightKind for DirectionalTable {
+    fn example() -> &'static str {
+        "direction = [-0.5, -0.3, -0.8]\nirradiance = [1.0, 1.0, 1.0]"
+    }
+
     fn build(&self, _: &LoadPicture<'_>) -> Result<Light, LightError> {
         let why = "expected a finite vector that is not zero";
         Ok(Light::from(DirectionalLight {

@@ -56,6 +56,10 @@ pub struct EnvironmentTable {
 }
 
 impl LightKind for EnvironmentTable {
+    fn example() -> &'static str {
+        "radiance = [0.3, 0.3, 0.3]"
+    }
+
     fn build(&self, load: &LoadPicture<'_>) -> Result<Light, LightError> {
         let of_file = [
             ("scale", self.scale.is_some()),

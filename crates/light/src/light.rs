@@ -57,6 +57,28 @@ pub enum KernelLight<'a> {
     Panel(&'a RectangleLight),
     /// A spot, or a point that shines all around.
     Spot(&'a SpotLight),
+    /// Any other light with a place, whose directions are drawn by
+    /// [`LightSource::sample_toward`].
+    Placed {
+        /// The least and the greatest corner of a box around it, mm.
+        bounds_mm: [Vec3; 2],
+        /// The greatest radiance.
+        radiance: Rgb,
+    },
+}
+
+impl KernelLight<'_> {
+    /// Corners of a box around a light that has a place, mm.
+    pub fn bounds_mm(&self) -> Option<[Vec3; 2]> {
+        match self {
+            KernelLight::Parallel { .. } | KernelLight::Sky { .. } | KernelLight::Picture(_) => {
+                None
+            }
+            KernelLight::Panel(rectangle) => Some(rectangle.bounds_mm()),
+            KernelLight::Spot(spot) => Some([spot.position_mm; 2]),
+            KernelLight::Placed { bounds_mm, .. } => Some(*bounds_mm),
+        }
+    }
 }
 
 /// A source of light.

@@ -80,6 +80,16 @@ impl RectangleLight {
         [self.corner_mm, self.u_mm, self.v_mm]
     }
 
+    /// The least and the greatest corner of the box around it, mm.
+    pub fn bounds_mm(&self) -> [Vec3; 2] {
+        let [corner, u, v] = self.corner_and_edges_mm();
+        let corners = [corner, corner + u, corner + v, corner + u + v];
+        [
+            corners.into_iter().fold(Vec3::INFINITY, Vec3::min),
+            corners.into_iter().fold(Vec3::NEG_INFINITY, Vec3::max),
+        ]
+    }
+
     /// Radiance of the side that shines.
     pub fn radiance(&self) -> Rgb {
         self.radiance
@@ -168,6 +178,11 @@ pub struct RectangleTable {
 }
 
 impl LightKind for RectangleTable {
+    fn example() -> &'static str {
+        "corner_mm = [-20.0, 20.0, 60.0]\nedge_u_mm = [0.0, -40.0, 0.0]\n\
+        edge_v_mm = [40.0, 0.0, 0.0]\nradiance = [2.0, 2.0, 2.0]\ntwo_sided = true"
+    }
+
     fn build(&self, _: &LoadPicture<'_>) -> Result<Light, LightError> {
         let radiance = brightness(self.radiance, "radiance")?;
         let keys = [

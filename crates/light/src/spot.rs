@@ -27,6 +27,10 @@ pub struct SpotTable {
 }
 
 impl LightKind for SpotTable {
+    fn example() -> &'static str {
+        "position_mm = [0.0, 0.0, 60.0]\nintensity = [4000.0, 4000.0, 4000.0]"
+    }
+
     fn build(&self, _: &LoadPicture<'_>) -> Result<Light, LightError> {
         let position_mm = Vec3::from_array(self.position_mm);
         if !position_mm.is_finite() {

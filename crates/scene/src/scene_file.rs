@@ -6,7 +6,7 @@ use crate::file_kind::Wanted;
 use crate::loader::Loader;
 use crate::object::ObjectTable;
 use crate::read;
-use organza_light::LightTable;
+pub use organza_light::LightTable;
 use organza_picture::{Display, Exposure, PngBits, ToneMapping, WhiteBalance};
 use organza_transport::{CacheMode, CachePlan, Integrator};
 use serde::Deserialize;

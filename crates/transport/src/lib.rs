@@ -103,7 +103,7 @@ pub use organza_kernel::{
     ProbePaths, VoxelEngine, engine_named,
 };
 pub use organza_light::{
-    DirectionalLight, EnvironmentLight, Hemisphere, ImageEnvironment, ImageEnvironmentError,
-    ImageLight, Light, LightSample, LightSearch, LightSource, RectangleError, RectangleLight,
-    SpotLight,
+    DirectionalLight, DiscLight, EnvironmentLight, Hemisphere, ImageEnvironment,
+    ImageEnvironmentError, ImageLight, Light, LightSample, LightSearch, LightSource,
+    RectangleError, RectangleLight, SpotLight,
 };

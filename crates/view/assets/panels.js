@@ -178,7 +178,8 @@ function lightRows(light, i, isOnly) {
   colour("Irradiance", "irradiance", "");
   colour("Radiance", "radiance", "");
   colour("Intensity", "intensity", "");
-  if (light.kind === "directional" || light.kind === "spot") rows.push(...direction(light, i));
+  if (light.direction) rows.push(...direction(light, i));
+  if (light.centre_mm) rows.push(fields.vector("Middle", light.centre_mm, "mm", set("centre_mm")), fields.number("Radius", light.radius_mm, { unit: "mm", range: [1, 200], log: true }, set("radius_mm")));
   if (light.position_mm) rows.push(fields.vector("Position", light.position_mm, "mm", set("position_mm")));
   if (light.half_angle_deg !== undefined) rows.push(fields.number("Half angle", light.half_angle_deg, { unit: "\u00b0", range: [1, 90] }, set("half_angle_deg")));
   if (light.corner_mm) rows.push(fields.vector("Corner", light.corner_mm, "mm", set("corner_mm")), fields.vector("Edge u", light.edge_u_mm, "mm", set("edge_u_mm")), fields.vector("Edge v", light.edge_v_mm, "mm", set("edge_v_mm")));
@@ -192,7 +193,6 @@ function lightRows(light, i, isOnly) {
 
 /** The direction of a light as angles of where it comes from: a person thinks of a lamp. */
 function direction(light, i) {
-  if (!light.direction) return [];
   const [x, y, z] = light.direction.map((v) => -v);
   const length = Math.hypot(x, y, z) || 1;
   const height = (Math.asin(z / length) * 180) / Math.PI;
@@ -211,7 +211,7 @@ function direction(light, i) {
 
 function lightPanel(document) {
   const lights = document.scene.light || [];
-  const add = fields.choice("Add a light", "", [["", "choose\u2026"], "directional", "environment", "rectangle", "spot"], (kind) => kind && change([{ op: "add-light", kind }]));
+  const add = fields.choice("Add a light", "", [["", "choose\u2026"], ...document.lights], (kind) => kind && change([{ op: "add-light", kind }]));
   return panel("Light", `${lights.length}`, ...lights.flatMap((light, i) => lightRows(light, i, false)), add);
 }
 

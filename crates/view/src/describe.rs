@@ -3,6 +3,7 @@
 use crate::document::{Document, FabricDocument};
 use organza_scene::draft_folder;
 use organza_scene::representation::REPRESENTATIONS;
+use organza_scene::scene_file::LightTable;
 use organza_weave::{preset, spinning};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
@@ -43,6 +44,7 @@ pub fn document(document: &Document, revision: u64, [undo, redo]: [usize; 2]) ->
         "presets": preset::NAMES,
         "irregularities": spinning::NAMES,
         "finishes": spinning::FINISHES,
+        "lights": LightTable::kinds().iter().map(|(name, _)| name).collect::<Vec<_>>(),
         "drafts": draft_folder::drafts(&document.folder),
         "pictures": draft_folder::pictures(&document.folder),
     })

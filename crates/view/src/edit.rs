@@ -10,7 +10,7 @@ use organza_scene::draft_folder;
 use organza_scene::file_kind::Wanted;
 use organza_scene::read;
 use organza_scene::scene_build;
-use organza_scene::scene_file::SceneFile;
+use organza_scene::scene_file::{LightTable, SceneFile};
 use serde::Deserialize;
 use std::fmt::Display;
 use toml_edit::{DocumentMut, Item, Table};
@@ -267,19 +267,11 @@ fn set_draft(document: &mut Document, fabric: usize, draft: &str) -> Outcome {
 }
 
 fn add_light(scene: &mut DocumentMut, kind: &str) -> Outcome {
-    let keys = match kind {
-        "directional" => "direction = [-0.5, -0.3, -0.8]\nirradiance = [1.0, 1.0, 1.0]",
-        "environment" => "radiance = [0.3, 0.3, 0.3]",
-        "rectangle" => {
-            "corner_mm = [-20.0, 20.0, 60.0]\nedge_u_mm = [0.0, -40.0, 0.0]\n\
-             edge_v_mm = [40.0, 0.0, 0.0]\nradiance = [2.0, 2.0, 2.0]\ntwo_sided = true"
-        }
-        "spot" => "position_mm = [0.0, 0.0, 60.0]\nintensity = [4000.0, 4000.0, 4000.0]",
-        _ => {
-            return fail(format!(
-                "light: expected directional, environment, rectangle or spot, found {kind:?}"
-            ));
-        }
+    let kinds = LightTable::kinds();
+    let Some((_, keys)) = kinds.iter().find(|(name, _)| *name == kind) else {
+        let names: Vec<&str> = kinds.iter().map(|(name, _)| *name).collect();
+        let names = names.join(", ");
+        return fail(format!("light: expected one of {names}, found {kind:?}"));
     };
     let made: DocumentMut = format!("kind = \"{kind}\"\n{keys}\n")
         .parse()

@@ -63,6 +63,8 @@ pub(crate) const SCENE_KEYS: &[(&[&str], Holds)] = &[
     (&["light", "#", "position_mm"], Numbers(3)),
     (&["light", "#", "half_angle_deg"], Number),
     (&["light", "#", "falloff_deg"], Number),
+    (&["light", "#", "centre_mm"], Numbers(3)),
+    (&["light", "#", "radius_mm"], Number),
     (&["light", "#", "corner_mm"], Numbers(3)),
     (&["light", "#", "edge_u_mm"], Numbers(3)),
     (&["light", "#", "edge_v_mm"], Numbers(3)),

@@ -271,7 +271,7 @@ fn wrong_changes_are_refused_with_their_key_and_change_nothing() {
         ),
         (
             json!([{ "op": "add-light", "kind": "neon" }]),
-            "expected directional",
+            "expected one of directional",
         ),
     ] {
         let message = served.refused(edits.clone());

@@ -98,5 +98,6 @@ fn brightness(light: &Light) -> f32 {
         }
         KernelLight::Panel(rectangle) => rectangle.radiance().max_component(),
         KernelLight::Spot(_) => 1.0,
+        KernelLight::Placed { radiance, .. } => radiance.max_component(),
     }
 }

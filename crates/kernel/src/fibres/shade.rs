@@ -344,10 +344,7 @@ fn aim<F: Floats>(
 
 /// Whether a light has a place, from which distances are measured.
 pub fn has_place(light: &Light) -> bool {
-    matches!(
-        light.for_kernel(),
-        KernelLight::Panel(_) | KernelLight::Spot(_)
-    )
+    light.for_kernel().bounds_mm().is_some()
 }
 
 /// One direction toward a light for each lane.

@@ -51,6 +51,10 @@ impl GpuEngine {
         if scene.medium.blocks.is_some() {
             return Err(Refusal::Blocks("gpu"));
         }
+        let mut placed = scene.lights.iter().filter_map(|l| l.placed.as_ref());
+        if placed.any(|light| light.panel.is_none()) {
+            return Err(Refusal::NotYet("lights near voxels, other than rectangles"));
+        }
         GpuEngine::new(
             || Ok(voxel_scene::program_scene(scene)),
             scene.memory_bytes(),

@@ -37,7 +37,7 @@ const PACKED_PARTS: [&str; 3] = [
 pub fn program_scene(scene: &Arc<FibreScene>) -> Result<ProgramScene<'_>, Refusal> {
     let matter = &scene.matter;
     let packed = matter.packed.as_ref();
-    let lights = Lights::of(&scene.lights);
+    let lights = Lights::of(&scene.lights)?;
     let only = matter.bodies.first().filter(|_| matter.is_one_body());
     // From where places of the world are counted.
     let point_mm = match only {
@@ -213,7 +213,7 @@ struct Lights<'a> {
 }
 
 impl<'a> Lights<'a> {
-    fn of(lights: &'a [Light]) -> Lights<'a> {
+    fn of(lights: &'a [Light]) -> Result<Lights<'a>, Refusal> {
         let mut all = Lights {
             words: Vec::new(),
             places_mm: Vec::new(),
@@ -264,9 +264,12 @@ impl<'a> Lights<'a> {
                     }
                 }
                 KernelLight::Picture(image) => all.pictures.push(image),
+                KernelLight::Placed { .. } => {
+                    return Err(Refusal::NotYet("lights other than rectangles and spots"));
+                }
             }
         }
-        all
+        Ok(all)
     }
 
     /// The words, with places counted from a point.

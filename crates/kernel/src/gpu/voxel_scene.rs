@@ -25,7 +25,7 @@ pub fn program_scene(scene: &Arc<FlatScene>) -> ProgramScene<'_> {
     has("HAS_PLACES", !medium.places.is_empty());
     has("HAS_MATERIALS", !medium.materials.is_empty());
     has("HAS_YARNS", !medium.yarns.is_empty());
-    has("HAS_PANELS", scene.has_panels());
+    has("HAS_PANELS", scene.has_placed_lights());
     has("HAS_SKIES", !scene.skies.is_empty());
     has("HAS_LENS", scene.camera_rays.lens_mm.is_some());
     constants += &filter_constants(scene.camera_rays.filter);
@@ -119,10 +119,15 @@ fn light_words<'a>(light: &'a OpticalDepthTable, tables: &mut Tables<'a>) -> [u3
     put(&mut words, 0, light.to_light);
     words[3] = light.residual_floor.to_bits();
     put(&mut words, 4, light.irradiance.0);
-    match &light.panel {
+    match light
+        .placed
+        .as_ref()
+        .and_then(|placed| placed.panel.as_ref())
+    {
         None => words[8] = tables.add_numbers(&light.extinction_per_mm),
         // Toward the points of a panel there is no table.
         Some(panel) => {
+            put(&mut words, 4, panel.radiance);
             let [u, v] = panel.edges_mm;
             panel_words(&mut words, [panel.corner_mm, u, v], panel.is_two_sided);
         }

@@ -11,7 +11,6 @@ use super::light_groups::{DirectLight, LightGroups};
 use super::optical_depth_table::{
     self, Nodes, OpticalDepthTable, RESIDUAL_FLOOR_OF_GUESSES, extinctions,
 };
-use super::panel::Panel;
 use crate::matter::{Matter, Unsuited};
 use crate::refusal::Refusal;
 use glam::Vec3;
@@ -61,23 +60,23 @@ pub struct View<'a, M> {
 ///
 /// Everything else is a few numbers: the [grid](organza_basis::CellGrid) and its
 /// [`Borders`], the [`Nodes`] of the tables, one [`OpticalDepthTable`] and perhaps a
-/// [`Panel`] for each light, the radiance of two hemispheres, [`CameraRays`], and the
+/// [`PlacedLight`](super::placed_light::PlacedLight) for each light, the radiance of two hemispheres, [`CameraRays`], and the
 /// limits.
 ///
 /// # What an engine must do
 /// - **Random numbers** depend on seed, pixel and sample alone.
-/// - **Exact shadow rays.** Depths of a table are approximate; for panels and cut matter
+/// - **Exact shadow rays.** Depths of a table are approximate; for lights with a place and cut matter
 ///   they are guesses. Every event adds `(exact - table) / keep` with probability
 ///   `keep`, and without this term the picture is biased. The engine for processors
 ///   follows these rays lane by lane on the host
 ///   ([`ShadowRay`](super::shadow_ray::ShadowRay)). Another engine follows them itself:
 ///   through `extinction_per_mm` where the ray goes in the table's own direction,
-///   otherwise (panels, lamps) through `medium.words`; up to the panel, to the borders of
+///   otherwise (placed lights, lamps) through `medium.words`; up to the light, to the borders of
 ///   cut matter, or out of the grid.
-/// - **Panels in sight.** A camera ray sees a panel directly, before or behind the
-///   matter. The engine for processors intersects these rays lane by lane on the host
-///   ([`Panel::in_sight`]). Another engine intersects them itself, with the plain
-///   numbers of [`Panel`], where a path begins and where an unscattered one leaves.
+/// - **Lights in sight.** A camera ray sees a light directly, before or behind the
+///   matter. The engine for processors intersects these rays lane by lane on the host.
+///   Another engine intersects panels itself, with the plain numbers of
+///   [`Panel`](super::panel::Panel), where a path begins and where an unscattered one leaves.
 /// - **Sums** of a pixel are whole numbers ([`organza_film::Tally`]), so they are the same
 ///   bits in whatever order its samples end.
 pub struct FlatScene {
@@ -90,7 +89,7 @@ pub struct FlatScene {
     /// endless matter: see [`MAX_PERIODS`].
     pub(crate) least_rise: f32,
     pub(crate) nodes: Nodes,
-    /// Parallel lights, then panels.
+    /// Parallel lights, then those with a place.
     pub(crate) lights: Vec<OpticalDepthTable>,
     /// Optical depths toward them.
     pub(crate) depths: Vec<u32>,
@@ -147,7 +146,7 @@ impl FlatScene {
             .iter()
             .map(|light| extinctions(&medium, -light.direction))
             .collect();
-        // Panels are wide: a fine table toward their middles would be no better.
+        // Lights with a place are wide: a fine table toward their middles would be no better.
         let nodes = Nodes::new(&cell_grid, tables, extinctions.iter().map(Vec::as_slice));
         check_words(&groups, &nodes, &fibres)?;
         let skies = groups.pictures.iter();
@@ -192,13 +191,13 @@ impl FlatScene {
         matter + skies + tables + 4 * self.depths.len() as u64
     }
 
-    pub(crate) fn has_panels(&self) -> bool {
-        self.lights.iter().any(|light| light.panel.is_some())
+    pub(crate) fn has_placed_lights(&self) -> bool {
+        self.lights.iter().any(|light| light.placed.is_some())
     }
 
-    /// What a ray from the camera sees of panels before the matter, or behind;
-    /// see [`Panel::in_sight`]. The depth is in lengths of the walk.
-    pub(crate) fn panels_in_sight(
+    /// What a ray from the camera sees of lights before the matter, or behind. The depth is in
+    /// lengths of the walk.
+    pub(crate) fn lights_in_sight(
         &self,
         at: Vec3,
         direction: Vec3,
@@ -207,9 +206,9 @@ impl FlatScene {
     ) -> Vec3 {
         let cell_grid = &self.medium.cell_grid;
         let depth_mm = depth / self.medium.scale_per_mm;
-        let panels = self.lights.iter().filter_map(|light| light.panel.as_ref());
-        panels
-            .map(|panel: &Panel| panel.in_sight(cell_grid, at, direction, depth_mm, behind))
+        let placed = self.lights.iter().filter_map(|light| light.placed.as_ref());
+        placed
+            .map(|light| light.in_sight(cell_grid, at, direction, depth_mm, behind))
             .sum()
     }
 }
@@ -258,10 +257,14 @@ fn optical_depth_tables(
             irradiance,
             extinctions,
         );
-        if light.panel.is_some() || is_cut {
-            table.residual_floor = RESIDUAL_FLOOR_OF_GUESSES;
-        }
-        table.panel = light.panel;
+        table.residual_floor = match &light.placed {
+            // Near light the guess is often far off.
+            Some(placed) if placed.panel.is_none() => 1.0,
+            Some(_) => RESIDUAL_FLOOR_OF_GUESSES,
+            None if is_cut => RESIDUAL_FLOOR_OF_GUESSES,
+            None => table.residual_floor,
+        };
+        table.placed = light.placed;
         table
     });
     tables.collect()

@@ -3,7 +3,7 @@
 use super::flat_medium::NO_POPULATION;
 use super::flat_scene::FlatScene;
 use super::voxel_words::VoxelWords;
-use super::walk::{Paths, add_panels_in_sight, stored};
+use super::walk::{Paths, add_lights_in_sight, stored};
 use crate::block::Block;
 use glam::Vec3;
 use organza_film::Stats;
@@ -168,8 +168,8 @@ pub fn regenerate<F: Floats>(
     paths.bounces = F::Ints::splat(0).or_where_not(begun, paths.bounces);
     paths.first_place = F::Ints::splat(NO_POPULATION).or_where_not(begun, paths.first_place);
     paths.voxel = VoxelWords::unknown().or_where_not(begun, paths.voxel);
-    if scene.has_panels() {
-        add_panels_in_sight(scene, paths, begun, false);
+    if scene.has_placed_lights() {
+        add_lights_in_sight(scene, paths, begun, false);
     }
     paths.gone = begun & rays.missing;
     paths.flying = paths.flying | (begun & !rays.missing);

@@ -2,7 +2,7 @@
 
 use super::environment::Parts;
 use super::optical_depth_table::OpticalDepthTable;
-use super::panel::Panel;
+use super::placed_light::PlacedLight;
 use crate::refusal::Refusal;
 use glam::Vec3;
 use organza_basis::{CellGrid, Rgb};
@@ -16,17 +16,17 @@ const MAX_PICTURE_SIZE: u32 = 1 << 16;
 pub struct DirectLight {
     /// Unit direction in which it travels through the matter, or about which.
     pub direction: Vec3,
-    /// Irradiance across the direction of parallel light, radiance of a panel.
+    /// Irradiance across the direction of parallel light.
     pub irradiance: Rgb,
     /// What the light comes from when it is not parallel.
-    pub panel: Option<Panel>,
+    pub placed: Option<PlacedLight>,
 }
 
 impl DirectLight {
     /// The brightest that it can make a pixel, roughly.
     pub fn brightness(&self) -> f32 {
-        match &self.panel {
-            Some(panel) => panel.brightness(),
+        match &self.placed {
+            Some(placed) => placed.brightness,
             None => self.irradiance.max_component(),
         }
     }
@@ -34,7 +34,7 @@ impl DirectLight {
 
 /// All lights of a view.
 pub struct LightGroups<'a> {
-    /// Parallel light, then panels.
+    /// Parallel light, then what has a place.
     pub direct: Vec<DirectLight>,
     /// Radiance from directions with z below zero, and from others.
     pub environment: [Vec3; 2],
@@ -48,7 +48,7 @@ impl<'a> LightGroups<'a> {
     /// # Errors
     /// A light that only the general walk supports.
     pub fn new(lights: &'a [Light], cell_grid: &CellGrid) -> Result<LightGroups<'a>, Refusal> {
-        let (mut direct, mut panels) = (Vec::new(), Vec::new());
+        let (mut direct, mut placed) = (Vec::new(), Vec::new());
         let mut environment = [Vec3::ZERO; 2];
         let mut pictures = Vec::new();
         for light in lights {
@@ -59,7 +59,7 @@ impl<'a> LightGroups<'a> {
                 } => direct.push(DirectLight {
                     direction,
                     irradiance,
-                    panel: None,
+                    placed: None,
                 }),
                 KernelLight::Sky {
                     radiance,
@@ -76,18 +76,20 @@ impl<'a> LightGroups<'a> {
                     return Err(Refusal::Picture);
                 }
                 KernelLight::Picture(image) => pictures.push((image, Parts::of(image))),
-                KernelLight::Panel(rectangle) => {
-                    let panel = Panel::new(rectangle, cell_grid).ok_or(Refusal::Panel)?;
-                    panels.push(DirectLight {
-                        direction: panel.direction(cell_grid),
-                        irradiance: Rgb(panel.radiance),
-                        panel: Some(panel),
+                kind @ (KernelLight::Panel(_)
+                | KernelLight::Spot(_)
+                | KernelLight::Placed { .. }) => {
+                    let bounds_mm = kind.bounds_mm().unwrap_or_default();
+                    let found = PlacedLight::new(light, bounds_mm, cell_grid)?;
+                    placed.push(DirectLight {
+                        direction: found.direction,
+                        irradiance: Rgb::BLACK,
+                        placed: Some(found),
                     });
                 }
-                KernelLight::Spot(_) => return Err(Refusal::Light("a spot light")),
             }
         }
-        direct.append(&mut panels);
+        direct.append(&mut placed);
         Ok(LightGroups {
             direct,
             environment,

@@ -22,6 +22,7 @@ pub mod light_groups;
 mod matter_tests;
 pub mod optical_depth_table;
 pub mod panel;
+mod placed_light;
 pub mod population_tables;
 pub mod reach;
 pub mod seen_tangent;

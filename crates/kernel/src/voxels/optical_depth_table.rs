@@ -8,7 +8,7 @@
 
 use super::blocks::Blocks;
 use super::flat_medium::FlatMedium;
-use super::panel::Panel;
+use super::placed_light::PlacedLight;
 use super::shadow_ray::ShadowRay;
 use super::voxel_walk::VoxelWalk;
 use glam::{IVec2, IVec3, UVec3, Vec3};
@@ -27,7 +27,7 @@ pub const MAX_DEPTH: f32 = 10.0;
 /// wrong about darkness, rays must not be too rare.
 const RESIDUAL_FLOOR: f32 = 0.005;
 
-/// The same where tables are guesses: for panels, and for cut matter.
+/// The same where tables are guesses: for lights with a place, and for cut matter.
 pub const RESIDUAL_FLOOR_OF_GUESSES: f32 = 0.05;
 
 /// Optical depth in a cell of the table that interpolation still copes with.
@@ -175,10 +175,10 @@ fn between_four<F: Floats>(four: F::Ints, fx: F, fy: F) -> F {
 pub struct OpticalDepthTable {
     /// Unit direction toward the light.
     pub to_light: Vec3,
-    /// Irradiance across it, or the radiance of a panel.
+    /// Irradiance across it of parallel light.
     pub irradiance: Rgb,
     /// What light comes from, when it is not parallel.
-    pub panel: Option<Panel>,
+    pub placed: Option<PlacedLight>,
     /// Exact rays are traced as if the table let so much more through.
     pub residual_floor: f32,
     pub nodes: Nodes,
@@ -213,7 +213,7 @@ impl OpticalDepthTable {
         let mut table = OpticalDepthTable {
             to_light: -direction,
             irradiance,
-            panel: None,
+            placed: None,
             residual_floor: RESIDUAL_FLOOR,
             nodes,
             depths: Vec::new(),

@@ -8,6 +8,7 @@ use super::flat_medium::{NO_POPULATION, PLACE_BITS};
 use super::flat_scene::FlatScene;
 use super::lane_work::{LaneWork, regenerate};
 use super::optical_depth_table::depth;
+use super::placed_light::Toward;
 use super::voxel_words::{MOST, VoxelWords, WORDS};
 use crate::block::Block;
 use crate::roulette::{VOXEL_SCALE, survivors};
@@ -257,15 +258,15 @@ fn escape<F: Floats>(scene: &FlatScene, paths: &mut Paths<F>) {
     let lit = paths.radiance + paths.throughput.times(sky);
     paths.radiance = lit.or_where_not(paths.gone, paths.radiance);
     let unscattered = paths.gone & paths.first_place.equals(F::Ints::splat(NO_POPULATION));
-    if scene.has_panels() && unscattered.any() {
-        add_panels_in_sight(scene, paths, unscattered, true);
+    if scene.has_placed_lights() && unscattered.any() {
+        add_lights_in_sight(scene, paths, unscattered, true);
     }
     paths.gone = F::Mask::from_bits(0);
 }
 
-/// What camera rays see of panels before or behind the matter.
+/// What camera rays see of lights before or behind the matter.
 #[inline(always)]
-pub fn add_panels_in_sight<F: Floats>(
+pub fn add_lights_in_sight<F: Floats>(
     scene: &FlatScene,
     paths: &mut Paths<F>,
     mask: F::Mask,
@@ -282,17 +283,12 @@ pub fn add_panels_in_sight<F: Floats>(
         let [at, direction, depths] =
             [&at, &direction, &depths].map(|v| Vec3::from_array(v.map(|x| x[lane])));
         let at = at + depths.with_z(0.0);
-        let seen = scene.panels_in_sight(at, direction, depths.z, behind);
+        let seen = scene.lights_in_sight(at, direction, depths.z, behind);
         for (channel, seen) in radiance.iter_mut().zip(seen.to_array()) {
             channel[lane] += seen;
         }
     }
-    let [x, y, z] = radiance;
-    paths.radiance = V3 {
-        x: F::load(&x),
-        y: F::load(&y),
-        z: F::load(&z),
-    };
+    paths.radiance = vector(&radiance);
 }
 
 /// The events of the lanes that met something: light, a new direction,
@@ -304,7 +300,6 @@ fn scatter<F: Floats, E: Event<F>>(
     stats: &mut Stats,
 ) -> F::Mask {
     let word = F::Ints::splat;
-    let one = F::splat(1.0);
     let first = paths.met & paths.first_place.equals(word(NO_POPULATION));
     paths.first_place = paths.place.or_where_not(first, paths.first_place);
     paths.first_depth = paths.depth.or_where_not(first, paths.first_depth);
@@ -341,12 +336,17 @@ fn scatter<F: Floats, E: Event<F>>(
             units = paths.rng.units(met);
         }
         let u = units[i % 3];
-        let (toward, distance_mm, strength) = match &light.panel {
-            None => (V3::splat(light.to_light), F::splat(f32::INFINITY), one),
-            Some(panel) => {
-                let [u, v, _] = paths.rng.units(met);
-                panel.toward(paths.at, paths.beyond, u, v)
-            }
+        let Toward {
+            toward,
+            distance_mm,
+            irradiance,
+        } = match &light.placed {
+            None => Toward {
+                toward: V3::splat(light.to_light),
+                distance_mm: F::splat(f32::INFINITY),
+                irradiance: V3::splat(light.irradiance.0),
+            },
+            Some(placed) => placed.toward(paths.at, paths.beyond, &mut paths.rng, met),
         };
         let (grey, scattered) = event.toward(scene, toward);
         let aim = Aim {
@@ -357,8 +357,7 @@ fn scatter<F: Floats, E: Event<F>>(
             u,
         };
         let through = aim.transmittance(scene, light, paths, mean, met, stats);
-        let arriving = scattered.scaled(through).scaled(strength);
-        light_in = V3::splat(light.irradiance.0).times_add(arriving, light_in);
+        light_in = irradiance.times_add(scattered.scaled(through), light_in);
     }
     for sky in &scene.skies {
         for lamp in &sky.lamps {
@@ -400,4 +399,14 @@ pub fn stored<F: Floats>(v: V3<F>) -> [[f32; MAX_LANES]; 3] {
     v.y.store(&mut out[1]);
     v.z.store(&mut out[2]);
     out
+}
+
+/// The vectors of such components.
+#[inline(always)]
+pub fn vector<F: Floats>([x, y, z]: &[[f32; MAX_LANES]; 3]) -> V3<F> {
+    V3 {
+        x: F::load(x),
+        y: F::load(y),
+        z: F::load(z),
+    }
 }

@@ -10,7 +10,7 @@ mod gpu;
 #[cfg(feature = "gpu")]
 mod gpu_fibres;
 mod long_tables;
-mod near_panels;
+mod near_lights;
 mod packed_fibres;
 mod pictures;
 mod radiance_cache;

@@ -14,7 +14,6 @@ use glam::{DVec3, UVec2, Vec3};
 use organza_basis::{PathRng, mix64};
 use organza_film::{Camera, Stats};
 use organza_lanes::math::pixel_key;
-use organza_light::KernelLight;
 use rayon::prelude::*;
 
 /// Walks some work, with what the walk does at fibres.
@@ -212,18 +211,14 @@ impl Later {
 fn light_change_mm(scene: &FibreScene, place: DVec3) -> Option<f64> {
     let near = scene.lights.iter().filter_map(|light| {
         let from = place.as_vec3();
-        match light.for_kernel() {
-            KernelLight::Panel(_) | KernelLight::Spot(_) => {
-                // The nearest of some points that are drawn on the lamp.
-                let mut rng = PathRng::new(0, 0, 0);
-                let drawn = (0..64).filter_map(|_| light.sample_toward(from, &mut rng));
-                let rays = drawn.map(|d| organza_basis::Ray::new(from, d.w_in));
-                let all = rays.filter_map(|ray| light.distance_along(&ray));
-                let near = all.fold(f64::INFINITY, f64::min);
-                near.is_finite().then_some(LAMP_CHANGE * near)
-            }
-            _ => None,
-        }
+        light.for_kernel().bounds_mm()?;
+        // The nearest of some points that are drawn on the lamp.
+        let mut rng = PathRng::new(0, 0, 0);
+        let drawn = (0..64).filter_map(|_| light.sample_toward(from, &mut rng));
+        let rays = drawn.map(|d| organza_basis::Ray::new(from, d.w_in));
+        let all = rays.filter_map(|ray| light.distance_along(&ray));
+        let near = all.fold(f64::INFINITY, f64::min);
+        near.is_finite().then_some(LAMP_CHANGE * near)
     });
     let cut = scene.matter.bodies.iter().filter(|b| b.is_cut).map(|b| {
         let size = b.high_mm - b.low_mm;
