@@ -36,7 +36,7 @@ fn black() -> Fibre {
         colour_tt: Rgb::BLACK,
         ..FittedParameters::preset("silk").unwrap()
     };
-    Fibre::Fitted(FittedFibre::new(parameters).unwrap())
+    Fibre::from(FittedFibre::new(parameters).unwrap())
 }
 
 /// Share of light that black fibres along x reflect toward `view`, by quadrature.

@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             azimuthal_rad: 4f32.to_radians(),
         };
         let fibre = DielectricFibre::with_section(parameters, Some(section))?;
-        let fibre = Fibre::Dielectric(fibre);
+        let fibre = Fibre::from(fibre);
         let parts = fibre.far_parts();
         for degree in 0..=180u8 {
             let azimuth = f32::from(degree).to_radians();

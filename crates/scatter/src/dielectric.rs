@@ -18,11 +18,13 @@
 use crate::cone_table::node;
 use crate::cylinder::{attenuations, mean_attenuations, offsets};
 use crate::error::{Error, in_range};
+use crate::fibre::FibreModel;
+use crate::lobe_table::{LobeTable, ROWS, SHAPED, row_cosine};
 use crate::longitudinal::{
     Balance, Blur, Inclinations, MAX_BLUR_RAD, MIN_BLUR_RAD, wrapped_gaussian,
 };
 use crate::near::crossing::{Crossing, incidence};
-use crate::near::parts::{NearKind, NearParts, SectionRow, SectionTable};
+use crate::near::parts::{NearKind, NearParts};
 use crate::near::{LOBES, Optics};
 use crate::section::Section;
 use crate::traced_section::Traced;
@@ -49,11 +51,6 @@ pub struct DielectricParameters {
 
 /// Azimuths resolved per deviation of their blur.
 pub(crate) const NODES_PER_BLUR: f32 = 8.0;
-/// Rows of the far-field table, even in the cosine of the mean inclination:
-/// Fresnel's reflectance is nearly linear in it toward grazing.
-pub(crate) const ROWS: usize = 33;
-/// Lobes with azimuths of their own.
-const SHAPED: usize = LOBES - 1;
 
 /// A dielectric fibre, ready to evaluate. Building tabulates the far field, in
 /// 30 ms for common blurs and up to 0.5 s for the narrowest; share it among all fibres of a material.
@@ -69,24 +66,7 @@ pub struct DielectricFibre {
     balance: Balance,
     /// Of the near field.
     optics: Arc<Optics>,
-    rows: Vec<Row>,
-    azimuths: usize,
-    /// Per row and shaped lobe, over azimuths from 0 to pi: colour per radian, and
-    /// density of drawing the azimuth, given the lobe.
-    table: Vec<Vec4>,
-    /// Per row and shaped lobe: the distribution of the absolute azimuth.
-    cumulative: Vec<f32>,
-    /// As long: the last azimuth at or before an even share of it, so that
-    /// drawing begins where it ends.
-    guide: Vec<u16>,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Row {
-    /// Of the last lobe, as in the table.
-    rest: Vec4,
-    /// Probability of each lobe.
-    lobes: Vec4,
+    table: LobeTable,
 }
 
 impl DielectricFibre {
@@ -147,11 +127,7 @@ impl DielectricFibre {
             azimuth_blur,
             balance,
             optics: Arc::new(Optics::of_parts(&[])),
-            rows: Vec::with_capacity(ROWS),
-            azimuths,
-            table: Vec::with_capacity(ROWS * SHAPED * azimuths),
-            cumulative: Vec::with_capacity(ROWS * SHAPED * azimuths),
-            guide: Vec::with_capacity(ROWS * SHAPED * azimuths),
+            table: LobeTable::new(azimuths),
         };
         for i in 0..ROWS {
             fibre.add_row(row_cosine(i), traced.as_ref().map(|rows| &rows[i]));
@@ -175,52 +151,14 @@ impl DielectricFibre {
             Some(traced) => self.traced_exits(traced),
             None => self.round_exits(cos),
         };
-        // Lobes are drawn by their mean over the channels; R never vanishes.
-        let grey = Vec4::from_array(energies.map(Rgb::mean));
-        self.rows.push(Row {
-            rest: energies[SHAPED].0.extend(1.0) / TAU,
-            lobes: grey / grey.element_sum(),
-        });
-        for (shape, energy) in self.blurred(exits).iter().zip(energies) {
-            // Trapezoidal over both signs of the azimuth.
-            let step = PI / (self.azimuths - 1) as f32;
-            let half: Vec3 = shape.windows(2).map(|s| 0.5 * step * (s[0] + s[1])).sum();
-            let scale = 0.5 * energy.0 / half.max(Vec3::splat(f32::MIN_POSITIVE));
-            // A lobe without energy is never drawn; let it be even.
-            let all = half.element_sum();
-            let density = |s: Vec3| {
-                if all > 0.0 {
-                    0.5 * s.element_sum() / all
-                } else {
-                    0.5 / PI
-                }
-            };
-            let start = self.cumulative.len();
-            let (mut cumulative, mut before) = (0.0, None);
-            for s in shape {
-                let d = density(*s);
-                cumulative += before.map_or(0.0, |b: f32| step * (b + d));
-                before = Some(d);
-                self.table.push((*s * scale).extend(d));
-                self.cumulative.push(cumulative);
-            }
-            let row = &mut self.cumulative[start..];
-            row.iter_mut().for_each(|c| *c /= cumulative);
-            let mut at = 0;
-            for k in 0..self.azimuths {
-                let share = k as f32 / self.azimuths as f32;
-                while at + 2 < self.azimuths && row[at + 1] <= share {
-                    at += 1;
-                }
-                self.guide.push(at as u16);
-            }
-        }
+        let shapes = self.blurred(exits);
+        self.table.add_row(energies, &shapes);
     }
 
     /// What leaves a round fibre by lobe: a histogram over azimuths.
     fn round_exits(&self, cos: f32) -> [Vec<Vec3>; SHAPED] {
         let p = self.parameters;
-        let bins = 4 * (self.azimuths - 1);
+        let bins = 4 * (self.table.azimuth_nodes() - 1);
         let mut exits = [(); SHAPED].map(|()| vec![Vec3::ZERO; bins]);
         // Exit azimuths turn at most 8 times faster than the angle of incidence.
         for (h, weight) in offsets(2 * bins) {
@@ -236,7 +174,7 @@ impl DielectricFibre {
 
     /// The same of a traced section.
     fn traced_exits(&self, traced: &Traced) -> [Vec<Vec3>; SHAPED] {
-        let bins = 4 * (self.azimuths - 1);
+        let bins = 4 * (self.table.azimuth_nodes() - 1);
         let mut exits = [(); SHAPED].map(|()| vec![Vec3::ZERO; bins]);
         traced.visit(self.parameters.absorption_radii, |lobe, azimuth, light| {
             if let Some(exits) = exits.get_mut(lobe) {
@@ -249,7 +187,7 @@ impl DielectricFibre {
     /// The shaped lobes averaged over offsets, at the table's azimuths, up to
     /// scale: histograms of exits from a smooth fibre, convolved with the blur.
     fn blurred(&self, exits: [Vec<Vec3>; SHAPED]) -> [Vec<Vec3>; SHAPED] {
-        let nodes = self.azimuths - 1;
+        let nodes = self.table.azimuth_nodes() - 1;
         let bins = 4 * nodes;
         let width = TAU / bins as f32;
         let reach = ((6.0 * self.azimuth_blur / width) as usize).min(bins / 2 - 1);
@@ -276,108 +214,50 @@ impl DielectricFibre {
     pub fn section(&self) -> Option<Section> {
         self.section
     }
+}
 
-    /// The numbers behind its near field.
-    pub(crate) fn near_parts(&self) -> NearParts {
+impl FibreModel for DielectricFibre {
+    fn blurs(&self) -> &[Blur] {
+        &self.blurs
+    }
+
+    fn balance(&self) -> &Balance {
+        &self.balance
+    }
+
+    fn optics(&self) -> &Optics {
+        &self.optics
+    }
+
+    fn near_parts(&self) -> NearParts {
         let kind = NearKind::Dielectric {
             ior: self.parameters.ior,
             absorption_radii: self.parameters.absorption_radii,
         };
         NearParts {
-            section: self.section_table(),
+            section: self.section.map(|_| self.table.sections()),
             ..NearParts::new(kind, &self.blurs, self.azimuth_blur, &self.balance)
         }
     }
 
-    /// The same as a table.
-    pub(crate) fn optics(&self) -> &Optics {
-        &self.optics
-    }
-
-    /// The tables of a fibre that is not round.
-    fn section_table(&self) -> Option<SectionTable> {
-        self.section?;
-        let row = |(i, row): (usize, &Row)| SectionRow {
-            lobes: row.lobes.to_array(),
-            rest: row.rest.truncate().to_array(),
-            nodes: [0, 1, 2].map(|p| {
-                let start = (i * SHAPED + p) * self.azimuths;
-                let nodes = &self.table[start..start + self.azimuths];
-                nodes.iter().map(|node| node.to_array()).collect()
-            }),
-        };
-        let rows = self.rows.iter().enumerate().map(row).collect();
-        Some(SectionTable { rows })
-    }
-
-    /// Longitudinal blur of each lobe.
-    pub(crate) fn blurs(&self) -> &[Blur; LOBES] {
-        &self.blurs
-    }
-
-    pub(crate) fn balance(&self) -> &Balance {
-        &self.balance
-    }
-
-    /// Density of the inclinations in each lobe.
-    pub(crate) fn densities(&self, pair: &Inclinations) -> [f32; LOBES] {
+    fn densities(&self, pair: &Inclinations) -> [f32; LOBES] {
         pair.densities(&self.blurs, self.geometric)
     }
 
-    /// Probability with which each lobe is drawn.
-    pub(crate) fn far_lobes(&self, cos_theta: f32) -> [f32; LOBES] {
-        let (i, u) = node(cos_theta, ROWS);
-        self.rows[i]
-            .lobes
-            .lerp(self.rows[i + 1].lobes, u)
-            .to_array()
+    fn far_lobes(&self, mean_cos: f32) -> [f32; LOBES] {
+        self.table.far_lobes(mean_cos)
     }
 
-    /// Colour per radian of azimuth of each lobe in the far field, in x, y, z; the
-    /// density of drawing the azimuth, given the lobe, in w.
-    pub(crate) fn far(&self, mean_cos: f32, azimuth_rad: f32) -> [Vec4; LOBES] {
-        let (i, u) = node(mean_cos, ROWS);
-        let (k, v) = node(azimuth_rad.abs() * (1.0 / PI), self.azimuths);
-        let mut out = [self.rows[i].rest.lerp(self.rows[i + 1].rest, u); LOBES];
-        for (p, out) in out.iter_mut().enumerate().take(SHAPED) {
-            let low = (i * SHAPED + p) * self.azimuths + k;
-            let high = low + SHAPED * self.azimuths;
-            let a = self.table[low].lerp(self.table[low + 1], v);
-            let b = self.table[high].lerp(self.table[high + 1], v);
-            *out = a.lerp(b, u);
-        }
-        out
+    fn far(&self, mean_cos: f32, azimuth_rad: f32) -> [Vec4; LOBES] {
+        self.table.far(mean_cos, azimuth_rad)
     }
 
-    /// Nodes of the table from 0 to pi.
-    pub(crate) fn azimuth_nodes(&self) -> usize {
-        self.azimuths
+    fn far_azimuth_sample(&self, lobe: usize, mean_cos: f32, rng: &mut PathRng) -> f32 {
+        self.table.far_azimuth_sample(lobe, mean_cos, rng)
     }
 
-    /// Draws the azimuth of a lobe with the density of [`Self::far`].
-    pub(crate) fn far_azimuth_sample(&self, lobe: usize, mean_cos: f32, rng: &mut PathRng) -> f32 {
-        if lobe == SHAPED {
-            return PI - TAU * rng.unit();
-        }
-        // Between two rows, one of them: their mixture is the interpolation.
-        let (i, u) = node(mean_cos, ROWS);
-        let row = i + usize::from(rng.unit() < u);
-        let start = (row * SHAPED + lobe) * self.azimuths;
-        let cumulative = &self.cumulative[start..start + self.azimuths];
-        let u = rng.unit();
-        let mut k = usize::from(self.guide[start + (u * self.azimuths as f32) as usize]);
-        while k + 2 < self.azimuths && cumulative[k + 1] <= u {
-            k += 1;
-        }
-        let share = (u - cumulative[k]) / (cumulative[k + 1] - cumulative[k]).max(1e-30);
-        let (a, b) = (self.table[start + k].w, self.table[start + k + 1].w);
-        let t = linear_quantile(a, b, share);
-        let azimuth = (k as f32 + t) * PI / (self.azimuths - 1) as f32;
-        if rng.bits() & 1 == 0 {
-            azimuth
-        } else {
-            -azimuth
-        }
+    fn azimuth_nodes(&self) -> usize {
+        self.table.azimuth_nodes()
     }
 }
 
@@ -391,17 +271,4 @@ fn add_exit(exits: &mut [Vec3], azimuth_rad: f32, light: Vec3) {
         exits[bin % bins] += light * (1.0 - part);
         exits[(bin + 1) % bins] += light * part;
     }
-}
-
-fn row_cosine(i: usize) -> f32 {
-    i as f32 / (ROWS - 1) as f32
-}
-
-/// Where a density that runs linearly from a to b over `[0, 1]` has collected
-/// the given share of its integral.
-fn linear_quantile(a: f32, b: f32, share: f32) -> f32 {
-    let area = 0.5 * (a + b) * share.clamp(0.0, 1.0);
-    // The root that neither divides by b - a nor cancels.
-    let root = (a * a + 2.0 * (b - a) * area).max(0.0).sqrt();
-    (2.0 * area / (a + root).max(1e-30)).min(1.0)
 }

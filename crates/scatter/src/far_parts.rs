@@ -3,7 +3,6 @@
 use crate::fibre::Fibre;
 use glam::Vec3;
 use organza_basis::Rgb;
-use std::f32::consts::PI;
 
 /// The factors of a [`FarField`](crate::FarField), which is
 ///
@@ -23,7 +22,7 @@ pub const FAR_LOBES: usize = 3;
 /// Between even steps of the cosine of the mean inclination, so many nodes with
 /// both ends, A of a dielectric is linear; that of a fitted fibre is within
 /// 0.003 of it.
-pub const FAR_ROWS: usize = crate::dielectric::ROWS;
+pub const FAR_ROWS: usize = crate::lobe_table::ROWS;
 
 impl Fibre {
     /// The factors of its far field.
@@ -54,33 +53,18 @@ impl FarParts<'_> {
 
     /// A of a lobe, per radian of azimuth, which is even in the azimuth.
     pub fn azimuthal(&self, lobe: usize, mean_cos: f32, azimuth_rad: f32) -> Rgb {
-        match self.0 {
-            Fibre::Dielectric(f) => {
-                let lobes = f.far(mean_cos, azimuth_rad);
-                let own = match lobe {
-                    0 | 1 => lobes[lobe],
-                    _ => lobes[2] + lobes[3],
-                };
-                Rgb(own.truncate())
-            }
-            Fibre::Fitted(f) => {
-                let energies = f.energies(mean_cos);
-                let own = energies.get(lobe).copied().unwrap_or(Rgb::BLACK);
-                own * f.azimuth(lobe.min(energies.len() - 1), azimuth_rad)
-            }
-        }
+        let lobes = self.0.far(mean_cos, azimuth_rad);
+        let own = match lobe {
+            0 | 1 => lobes[lobe],
+            _ => lobes[2] + lobes[3],
+        };
+        Rgb(own.truncate())
     }
 
     /// Even steps from 0 to pi, so many nodes with both ends, between which A of
     /// a dielectric is linear and that of a fitted fibre nearly so.
     pub fn azimuth_nodes(&self) -> usize {
-        match self.0 {
-            Fibre::Dielectric(f) => f.azimuth_nodes(),
-            Fibre::Fitted(f) => {
-                let nodes = PI * crate::dielectric::NODES_PER_BLUR / f.azimuth_blur_rad();
-                nodes.ceil().max(32.0) as usize + 1
-            }
-        }
+        self.0.azimuth_nodes()
     }
 }
 

@@ -1,36 +1,77 @@
 //! Fibres as lobes: the far field for media, the near field for one fibre met at
 //! a known offset.
 
-use crate::dielectric::DielectricFibre;
 use crate::fibre_frame::{FibreAngles, FibreFrame};
-use crate::fitted::FittedFibre;
 use crate::lobe::{Lobe, LobeSample};
 use crate::longitudinal::{Balance, Balanced, Blur, Inclinations};
 use crate::near::event::{NearEvent as Event, Scattered, pick};
+use crate::near::parts::NearParts;
 use crate::near::{LOBES, Optics};
 use glam::{Vec3, Vec4};
 use organza_basis::{PathRng, Rgb};
 use organza_lanes::V3;
 use organza_lanes::math::wrap;
 use std::fmt;
+use std::ops::Deref;
+use std::sync::Arc;
 
-/// How a fibre scatters light: every model there is.
+/// A model of how a fibre scatters light.
+///
+/// Its far field is `c(theta_o) c(theta_i) cos(theta_i) sum_p K_p(theta_i, theta_o)
+/// A_p(theta_d, azimuth)` with the scale c of its balance, the folded Gaussians K of its blurs,
+/// and A even in the azimuth. Reciprocity follows. A is at most what the balance was made for.
+pub trait FibreModel: fmt::Debug + Send + Sync {
+    /// Blurs of the lobes; lobes beyond the last have that of the first.
+    fn blurs(&self) -> &[Blur];
+
+    /// What keeps the energy of its lobes.
+    fn balance(&self) -> &Balance;
+
+    /// The numbers of its near field.
+    fn near_parts(&self) -> NearParts;
+
+    /// The same as a table, made once.
+    fn optics(&self) -> &Optics;
+
+    /// Density of the inclinations in each lobe.
+    fn densities(&self, pair: &Inclinations) -> [f32; LOBES] {
+        let blurs = self.blurs();
+        std::array::from_fn(|p| pair.density(blurs.get(p).unwrap_or(&blurs[0])))
+    }
+
+    /// In which proportion lobes are drawn at a mean inclination.
+    fn far_lobes(&self, mean_cos: f32) -> [f32; LOBES];
+
+    /// A of each lobe in x, y, z, per radian of azimuth; the density of drawing the azimuth,
+    /// given the lobe, in w.
+    fn far(&self, mean_cos: f32, azimuth_rad: f32) -> [Vec4; LOBES];
+
+    /// Draws the azimuth of a lobe with that density; it may lie beyond pi.
+    fn far_azimuth_sample(&self, lobe: usize, mean_cos: f32, rng: &mut PathRng) -> f32;
+
+    /// Even steps from 0 to pi, so many nodes with both ends, between which A is nearly linear.
+    fn azimuth_nodes(&self) -> usize;
+}
+
+/// How a fibre scatters light, by any model.
 #[derive(Clone, Debug)]
-pub enum Fibre {
-    /// From index of refraction, absorption and roughness.
-    Dielectric(DielectricFibre),
-    /// From fitted colours and widths.
-    Fitted(FittedFibre),
+pub struct Fibre(Arc<dyn FibreModel>);
+
+impl<M: FibreModel + 'static> From<M> for Fibre {
+    fn from(model: M) -> Fibre {
+        Fibre(Arc::new(model))
+    }
+}
+
+impl Deref for Fibre {
+    type Target = dyn FibreModel;
+
+    fn deref(&self) -> &(dyn FibreModel + 'static) {
+        &*self.0
+    }
 }
 
 impl Fibre {
-    pub(crate) fn blurs(&self) -> &[Blur] {
-        match self {
-            Fibre::Dielectric(f) => f.blurs(),
-            Fibre::Fitted(f) => f.blurs(),
-        }
-    }
-
     /// Cosine of the inclination at which lobes are drawn: that of `w_out`, kept
     /// as far from zero as blur moves the mean inclination. Exactly along the
     /// fibre a smooth one only reflects, while a rough one also transmits.
@@ -41,17 +82,14 @@ impl Fibre {
             .sqrt()
     }
 
-    pub(crate) fn balance(&self) -> &Balance {
-        match self {
-            Fibre::Dielectric(f) => f.balance(),
-            Fibre::Fitted(f) => f.balance(),
-        }
-    }
-
     /// Draws the inclination of what lobe `p` scatters; the azimuth is left open.
     fn inclination_sample(&self, frame: &FibreFrame, p: usize, rng: &mut PathRng) -> FibreAngles {
         let out = [frame.sin_out, frame.cos_out];
-        let [sin, cos] = self.balance().sample(out, &self.blurs()[p], rng);
+        let [sin, cos] = {
+            let blurs = self.blurs();
+            self.balance()
+                .sample(out, blurs.get(p).unwrap_or(&blurs[0]), rng)
+        };
         FibreAngles {
             sin,
             cos,
@@ -84,13 +122,6 @@ impl Fibre {
             event,
         }
     }
-
-    fn optics(&self) -> &Optics {
-        match self {
-            Fibre::Dielectric(f) => f.optics(),
-            Fibre::Fitted(f) => f.optics(),
-        }
-    }
 }
 
 fn inclinations(frame: &FibreFrame, a: &FibreAngles) -> Inclinations {
@@ -108,23 +139,11 @@ impl FarField<'_> {
     /// Value and density together, which share most of their work.
     fn value(&self, event: &FarEvent, a: &FibreAngles, pair: &Inclinations) -> (Rgb, f32) {
         let (mut value, mut pdf) = (Vec3::ZERO, 0.0);
-        match self.fibre {
-            Fibre::Dielectric(f) => {
-                let lobes = f.far(pair.mean_cos, a.azimuth_rad);
-                let kernels = f.densities(pair);
-                for p in 0..LOBES {
-                    value += kernels[p] * lobes[p].truncate();
-                    pdf += kernels[p] * event.draws[p] * lobes[p].w;
-                }
-            }
-            Fibre::Fitted(f) => {
-                let energies = f.energies(pair.mean_cos);
-                for (p, energy) in energies.iter().enumerate() {
-                    let k = pair.density(&f.blurs()[p]) * f.azimuth(p, a.azimuth_rad);
-                    value += k * energy.0;
-                    pdf += k * event.draws[p];
-                }
-            }
+        let lobes = self.fibre.far(pair.mean_cos, a.azimuth_rad);
+        let kernels = self.fibre.densities(pair);
+        for p in 0..LOBES {
+            value += kernels[p] * lobes[p].truncate();
+            pdf += kernels[p] * event.draws[p] * lobes[p].w;
         }
         weigh(self.fibre, &event.out, a, value, pdf)
     }
@@ -132,10 +151,7 @@ impl FarField<'_> {
     fn event(&self, w_out: Vec3) -> FarEvent {
         let frame = FibreFrame::new(self.tangent, w_out);
         let cos = self.fibre.drawing_cosine(&frame);
-        let lobes = match self.fibre {
-            Fibre::Dielectric(f) => f.far_lobes(cos),
-            Fibre::Fitted(f) => grey(f.energies(cos)),
-        };
+        let lobes = self.fibre.far_lobes(cos);
         let out = self.fibre.balance().at(frame.cos_out);
         let shares = shares(lobes, &out);
         FarEvent {
@@ -188,24 +204,12 @@ impl Lobe for FarField<'_> {
         let p = pick(&event.shares, rng.unit()).0 as usize;
         let mut a = self.fibre.inclination_sample(frame, p, rng);
         let pair = inclinations(frame, &a);
-        let azimuth = match self.fibre {
-            Fibre::Dielectric(f) => f.far_azimuth_sample(p, pair.mean_cos, rng),
-            Fibre::Fitted(f) => f.azimuth_sample(p, rng),
-        };
+        let azimuth = self.fibre.far_azimuth_sample(p, pair.mean_cos, rng);
         a.azimuth_rad = wrap(azimuth);
         let w_in = frame.direction(&a);
         let (value, pdf) = self.value(&event, &a, &pair);
         finish(w_in, value, pdf)
     }
-}
-
-/// Means over channels.
-fn grey<const N: usize>(energies: [Rgb; N]) -> [f32; LOBES] {
-    let mut grey = [0.0; LOBES];
-    for (grey, e) in grey.iter_mut().zip(energies) {
-        *grey = e.mean().max(0.0);
-    }
-    grey
 }
 
 /// Probabilities in proportion to what lobes of some energies send anywhere.

@@ -13,19 +13,28 @@ use glam::{DVec3, Vec3};
 use organza_basis::hypothesis::SphereGrid;
 use organza_basis::{FibrePopulation, Mixture, Moments, PathRng, Rgb, warp};
 
-pub fn dielectric(ior: f32, absorption: f32, longitudinal_deg: f32, azimuthal_deg: f32) -> Fibre {
-    let parameters = DielectricParameters {
+fn parameters(
+    ior: f32,
+    absorption: f32,
+    longitudinal_deg: f32,
+    azimuthal_deg: f32,
+) -> DielectricParameters {
+    DielectricParameters {
         ior,
         absorption_radii: Rgb::new(absorption, 0.3, 2.0),
         longitudinal_rad: longitudinal_deg.to_radians(),
         azimuthal_rad: azimuthal_deg.to_radians(),
-    };
-    Fibre::Dielectric(DielectricFibre::new(parameters).unwrap())
+    }
+}
+
+pub fn dielectric(ior: f32, absorption: f32, longitudinal_deg: f32, azimuthal_deg: f32) -> Fibre {
+    let parameters = parameters(ior, absorption, longitudinal_deg, azimuthal_deg);
+    Fibre::from(DielectricFibre::new(parameters).unwrap())
 }
 
 pub fn fitted(name: &str) -> Fibre {
     let parameters = FittedParameters::preset(name).unwrap();
-    Fibre::Fitted(FittedFibre::new(parameters).unwrap())
+    Fibre::from(FittedFibre::new(parameters).unwrap())
 }
 
 const TANGENT: Vec3 = Vec3::new(0.6, -0.64, 0.48);

@@ -9,17 +9,20 @@
 //! is reciprocal and keeps energy, and its parameters keep their meaning.
 
 use crate::error::{Error, in_range};
-use crate::longitudinal::{Balance, Blur, MAX_BLUR_RAD, MIN_BLUR_RAD, wrapped_gaussian};
-use crate::near::Optics;
+use crate::fibre::{Fibre, FibreModel};
+use crate::fibre_catalogue::FibreKind;
+use crate::longitudinal::{
+    Balance, Blur, MAX_BLUR_DEG, MAX_BLUR_RAD, MIN_BLUR_RAD, wrapped_gaussian,
+};
 use crate::near::event::schlick;
 use crate::near::parts::{NearKind, NearParts};
+use crate::near::{LOBES, Optics};
+use glam::Vec4;
 use organza_basis::{PathRng, Rgb, nearest_name};
 use organza_lanes::V3;
+use serde::Deserialize;
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
-
-/// R and TT.
-pub(crate) const LOBES: usize = 2;
 
 /// Parameters of a fitted fibre.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,7 +97,8 @@ impl FittedParameters {
 #[derive(Clone, Debug)]
 pub struct FittedFibre {
     parameters: FittedParameters,
-    blurs: [Blur; LOBES],
+    /// Of R and TT.
+    blurs: [Blur; 2],
     azimuth_blur: f32,
     balance: Balance,
     /// Of the near field.
@@ -138,8 +142,37 @@ impl FittedFibre {
         Ok(fibre)
     }
 
-    /// The numbers behind its near field.
-    pub(crate) fn near_parts(&self) -> NearParts {
+    /// What it was made from.
+    pub fn parameters(&self) -> &FittedParameters {
+        &self.parameters
+    }
+
+    /// Part of the light in each lobe at a mean inclination.
+    fn energies(&self, cos_theta: f32) -> [Rgb; LOBES] {
+        let f = reflectance(self.parameters.colour_r, cos_theta);
+        [
+            f,
+            (Rgb::WHITE - f) * self.parameters.colour_tt,
+            Rgb::BLACK,
+            Rgb::BLACK,
+        ]
+    }
+}
+
+impl FibreModel for FittedFibre {
+    fn blurs(&self) -> &[Blur] {
+        &self.blurs
+    }
+
+    fn balance(&self) -> &Balance {
+        &self.balance
+    }
+
+    fn optics(&self) -> &Optics {
+        &self.optics
+    }
+
+    fn near_parts(&self) -> NearParts {
         let kind = NearKind::Fitted {
             colour_r: self.parameters.colour_r,
             colour_tt: self.parameters.colour_tt,
@@ -147,59 +180,109 @@ impl FittedFibre {
         NearParts::new(kind, &self.blurs, self.azimuth_blur, &self.balance)
     }
 
-    /// The same as a table.
-    pub(crate) fn optics(&self) -> &Optics {
-        &self.optics
+    fn far_lobes(&self, mean_cos: f32) -> [f32; LOBES] {
+        self.energies(mean_cos).map(|e| e.mean().max(0.0))
     }
 
-    /// What it was made from.
-    pub fn parameters(&self) -> &FittedParameters {
-        &self.parameters
+    fn far(&self, mean_cos: f32, azimuth_rad: f32) -> [Vec4; LOBES] {
+        let deviation = [self.azimuth_blur, 1.0 / self.azimuth_blur];
+        let straight = wrapped_gaussian(azimuth_rad, deviation, true);
+        let even = 1.0 / TAU;
+        let densities = [even, straight, even, even];
+        let energies = self.energies(mean_cos);
+        std::array::from_fn(|p| (energies[p].0 * densities[p]).extend(densities[p]))
     }
 
-    pub(crate) fn blurs(&self) -> &[Blur; LOBES] {
-        &self.blurs
-    }
-
-    pub(crate) fn balance(&self) -> &Balance {
-        &self.balance
-    }
-
-    /// Part of the light in each lobe at a mean inclination.
-    pub(crate) fn energies(&self, cos_theta: f32) -> [Rgb; LOBES] {
-        let f = reflectance(self.parameters.colour_r, cos_theta);
-        [f, (Rgb::WHITE - f) * self.parameters.colour_tt]
-    }
-
-    /// Deviation of the azimuth of TT.
-    pub(crate) fn azimuth_blur_rad(&self) -> f32 {
-        self.azimuth_blur
-    }
-
-    /// Density per radian of lobe `p`'s azimuth.
-    pub(crate) fn azimuth(&self, p: usize, azimuth_rad: f32) -> f32 {
-        if p == 0 {
-            1.0 / TAU
-        } else {
-            wrapped_gaussian(
-                azimuth_rad,
-                [self.azimuth_blur, 1.0 / self.azimuth_blur],
-                true,
-            )
-        }
-    }
-
-    /// Draws the azimuth of lobe `p`, not wrapped.
-    pub(crate) fn azimuth_sample(&self, p: usize, rng: &mut PathRng) -> f32 {
-        if p == 0 {
-            PI - TAU * rng.unit()
-        } else {
+    fn far_azimuth_sample(&self, lobe: usize, _: f32, rng: &mut PathRng) -> f32 {
+        if lobe == 1 {
             self.azimuth_blur * rng.normal2().x
+        } else {
+            PI - TAU * rng.unit()
         }
+    }
+
+    fn azimuth_nodes(&self) -> usize {
+        let nodes = PI * crate::dielectric::NODES_PER_BLUR / self.azimuth_blur;
+        nodes.ceil().max(32.0) as usize + 1
     }
 }
 
 /// Schlick's reflectance per channel.
 fn reflectance(normal: Rgb, cos: f32) -> Rgb {
     Rgb(schlick(V3::splat(normal.0), cos).into())
+}
+
+/// `fitted = { preset = "silk", colour_tt = [0.8, 0.1, 0.1] }`: a preset with
+/// other values for some keys, or all five keys.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FittedTable {
+    /// Its name.
+    pub preset: Option<String>,
+    /// Reflectance of the surface straight on.
+    pub colour_r: Option<[f32; 3]>,
+    /// Part of the rest that goes through.
+    pub colour_tt: Option<[f32; 3]>,
+    /// Width of the highlight along the fibre.
+    pub longitudinal_r_deg: Option<f32>,
+    /// Width of transmitted light along the fibre.
+    pub longitudinal_tt_deg: Option<f32>,
+    /// Width of transmitted light about the fibre.
+    pub azimuthal_tt_deg: Option<f32>,
+}
+
+impl FibreKind for FittedTable {
+    fn build(&self) -> Result<Fibre, String> {
+        let named = |name: &str| {
+            FittedParameters::preset(name).map_err(|near| {
+                format!(
+                    ": no fibre is named `{name}`; expected one of {}{}",
+                    PRESETS.join(", "),
+                    near.map_or(String::new(), |n| format!("; did you mean `{n}`?"))
+                )
+            })
+        };
+        let preset = self.preset.as_deref().map(named).transpose()?;
+        let colour = |key, own: Option<[f32; 3]>, preset: Option<Rgb>| {
+            own.map(Rgb::from).or(preset).ok_or_else(|| missing(key))
+        };
+        let width = |key, own: Option<f32>, preset: Option<f32>, most_deg: f32| match own {
+            Some(deg) if !(0.0..=most_deg).contains(&deg) => Err(format!(
+                ".{key}: expected a number from 0 to {most_deg}, found {deg}"
+            )),
+            _ => own
+                .map(f32::to_radians)
+                .or(preset)
+                .ok_or_else(|| missing(key)),
+        };
+        let parameters = FittedParameters {
+            colour_r: colour("colour_r", self.colour_r, preset.map(|p| p.colour_r))?,
+            colour_tt: colour("colour_tt", self.colour_tt, preset.map(|p| p.colour_tt))?,
+            longitudinal_r_rad: width(
+                "longitudinal_r_deg",
+                self.longitudinal_r_deg,
+                preset.map(|p| p.longitudinal_r_rad),
+                MAX_BLUR_DEG,
+            )?,
+            longitudinal_tt_rad: width(
+                "longitudinal_tt_deg",
+                self.longitudinal_tt_deg,
+                preset.map(|p| p.longitudinal_tt_rad),
+                MAX_BLUR_DEG,
+            )?,
+            azimuthal_tt_rad: width(
+                "azimuthal_tt_deg",
+                self.azimuthal_tt_deg,
+                preset.map(|p| p.azimuthal_tt_rad),
+                90.0,
+            )?,
+        };
+        FittedFibre::new(parameters)
+            .map(Fibre::from)
+            .map_err(|e| format!(": {e}"))
+    }
+}
+
+fn missing(key: &str) -> String {
+    format!(".{key}: is missing, and there is no `preset`")
 }

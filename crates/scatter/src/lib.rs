@@ -28,7 +28,7 @@
 //!
 //! # fn main() -> Result<(), Error> {
 //! // Per material, once.
-//! let fibre = Fibre::Dielectric(DielectricFibre::new(DielectricParameters {
+//! let fibre = Fibre::from(DielectricFibre::new(DielectricParameters {
 //!     ior: 1.55,
 //!     absorption_radii: absorption_for_colour(1.55, Rgb::new(0.8, 0.3, 0.2)),
 //!     longitudinal_rad: 0.1,
@@ -78,6 +78,7 @@
 //! | [`DielectricFibre`], near and far field | [Marschner2003] | index; absorption times radius; widths, radians | index 1 to 3; widths half a degree to 34 along, 1 to 90 about; energy to 1e-3, to 1e-2 within 5 degrees of the fibre |
 //! | the same of a [`Section`] that is not round | [Khungurn2017], [Aliaga2017] | and the outline | the near field is the far field at every offset |
 //! | [`FittedFibre`], R and TT | [Khungurn2015] | two colours; three widths, radians | widths half a degree to 34, 90 about; fitted, so not physical: reflectances up to 0.99 |
+//! | [`MeasuredFibre`] | this crate | up to three lobes: colour, width, profile around the fibre | colours add up to 1 at most, the same at every inclination; the near field is the far field |
 //! | virtual scattering, plain ([`meet_fibre`]) | [Schroeder2011] | populations: length per volume, 1/mm^2; radius, mm; spread, radians | fibres strewn at random; cross-sections to 1e-3 |
 //! | the same, packed ([`PackedEvent`]) | this crate | and the packing | packing to 0.7; see [`packed_fibre`] |
 //!
@@ -85,7 +86,7 @@
 //! [`BandProfile::end_on_ratio`] and [`BandProfile::with_end_on_ratio`] convert,
 //! and the areas of the families then agree to 2 % of the broadside one (tested).
 //!
-//! A model of your own implements [`Lobe`] or [`MicroFlake`]; [`proofs`] tests it
+//! A model of your own implements [`FibreModel`], [`Lobe`] or [`MicroFlake`]; [`proofs`] tests it
 //! in ten lines.
 //!
 //! # What holds
@@ -112,13 +113,16 @@ pub mod dielectric;
 pub mod error;
 mod far_parts;
 pub mod fibre;
+pub mod fibre_catalogue;
 pub mod fibre_frame;
 pub mod fitted;
 pub mod flake;
 pub mod heap_colour;
 mod inclination_pair;
 pub mod lobe;
+mod lobe_table;
 pub mod longitudinal;
+mod measured;
 pub mod near;
 pub mod packed_fibre;
 pub mod ply;
@@ -134,9 +138,10 @@ pub use bvdf::{Bvdf, BvdfBuilder};
 pub use dielectric::{DielectricFibre, DielectricParameters};
 pub use error::Error;
 pub use far_parts::{FAR_LOBES, FAR_ROWS, FarParts};
-pub use fibre::{FarField, Fibre, NearEvent, NearField};
+pub use fibre::{FarField, Fibre, FibreModel, NearEvent, NearField};
+pub use fibre_catalogue::{FibreKind, FibreTable};
 pub use fibre_frame::{FibreAngles, FibreFrame};
-pub use fitted::{FittedFibre, FittedParameters};
+pub use fitted::{FittedFibre, FittedParameters, FittedTable};
 pub use flake::band::{BandFlakes, BandProfile};
 pub use flake::catalogue::{FLAKE_FAMILIES, FlakeFamily};
 pub use flake::{
@@ -146,6 +151,7 @@ pub use flake::{
 pub use heap_colour::{absorption_for_colour, absorption_for_colour_of};
 pub use inclination_pair::InclinationPair;
 pub use lobe::{Lobe, LobeSample};
+pub use measured::{MeasuredFibre, MeasuredLobe, MeasuredTable};
 pub use packed_fibre::{PackedEvent, packing_fraction, void_multiplier};
 pub use ply::{Ply, PlyCorrection, PlyEvent, PlyLobe, PlyParameters, PlyPlace};
 pub use population::{FlakeMaterials, FlakeOptics, population_shape};

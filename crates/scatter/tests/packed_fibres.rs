@@ -282,7 +282,7 @@ fn albedos(how: How, fraction: f32, surface: &Surface, view: Vec3, walks: u64) -
 }
 
 fn dielectric(absorption_radii: f32) -> Surface {
-    Surface::Fibre(Box::new(Fibre::Dielectric(
+    Surface::Fibre(Box::new(Fibre::from(
         DielectricFibre::new(DielectricParameters {
             ior: 1.55,
             absorption_radii: Rgb::splat(absorption_radii),
@@ -323,7 +323,7 @@ fn the_packed_event_follows_explicit_fibres() {
         ("dielectric .9", dielectric(0.035)),
         (
             "fitted",
-            Surface::Fibre(Box::new(Fibre::Fitted(FittedFibre::new(cotton).unwrap()))),
+            Surface::Fibre(Box::new(Fibre::from(FittedFibre::new(cotton).unwrap()))),
         ),
         ("mirror .98", Surface::Mirror(0.98)),
     ];

@@ -24,7 +24,7 @@ fn ply(twist_rad_per_mm: f32, fibres: f32) -> Ply {
         twist_rad_per_mm,
         correction: PlyCorrection::default(),
     };
-    let fibre = Fibre::Dielectric(DielectricFibre::new(fibre).unwrap());
+    let fibre = Fibre::from(DielectricFibre::new(fibre).unwrap());
     Ply::new(parameters, fibre).unwrap()
 }
 

@@ -152,7 +152,7 @@ fn two_populations(as_published: bool) -> VirtualFibres {
             ..Default::default()
         });
     }
-    let fibre = Fibre::Dielectric(
+    let fibre = Fibre::from(
         DielectricFibre::new(DielectricParameters {
             ior: 1.55,
             absorption_radii: Rgb::new(0.01, 0.05, 0.2),
@@ -176,7 +176,7 @@ fn slabs_are_reciprocal() {
     let axial = AxialFlake::new(AXIS, 0.25);
     let band = BandFlakes::new(AXIS, GaussianBand::new(0.2));
     let fitted = VirtualFibres {
-        fibre: Fibre::Fitted(
+        fibre: Fibre::from(
             FittedFibre::new(FittedParameters::preset("gabardine").unwrap()).unwrap(),
         ),
         ..two_populations(false)

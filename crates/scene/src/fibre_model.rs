@@ -1,12 +1,11 @@
 //! The scattering model of a fibre, from the `[optics.YARN]` of its yarn.
 
-use crate::optics::{FittedValue, OpticsTable, UNDYED};
+use crate::optics::{OpticsTable, UNDYED};
 use organza_basis::Rgb;
-use organza_scatter::fitted::PRESETS;
 use organza_scatter::longitudinal::MAX_BLUR_DEG;
 use organza_scatter::{
-    ClearFibre, DielectricFibre, DielectricParameters, Fibre, FittedFibre, FittedParameters,
-    Section, absorption_for_colour_of,
+    ClearFibre, DielectricFibre, DielectricParameters, Fibre, FibreKind, Section,
+    absorption_for_colour_of,
 };
 use organza_weave::Material;
 
@@ -31,7 +30,9 @@ pub fn check(t: &OpticsTable) -> Result<(), String> {
                 ".{key}: does not go with `fitted`, which has its own"
             ));
         }
-        return fitted(value)
+        return value
+            .0
+            .build()
             .map(|_| ())
             .map_err(|why| format!(".fitted{why}"));
     }
@@ -72,14 +73,12 @@ pub fn check(t: &OpticsTable) -> Result<(), String> {
 /// What is wrong with its parameters.
 pub fn of_optics(t: &OpticsTable, material: &Material) -> Result<Fibre, String> {
     if let Some(value) = &t.fitted {
-        return fitted(value)
-            .map(Fibre::Fitted)
-            .map_err(|why| format!("fitted{why}"));
+        return value.0.build().map_err(|why| format!("fitted{why}"));
     }
     let section = section(t).map_err(|why| format!("section: {why}"))?;
     let parameters = parameters(t, material, section);
     let fibre = DielectricFibre::with_section(parameters, section).map_err(|e| e.to_string())?;
-    Ok(Fibre::Dielectric(fibre))
+    Ok(Fibre::from(fibre))
 }
 
 /// What the fibres of a material are made of; none of fitted fibres, which have no body.
@@ -148,62 +147,4 @@ fn section(t: &OpticsTable) -> Result<Option<Section>, String> {
         None | Some("round") => Ok(None),
         Some(name) => Section::from_name(name).map(Some),
     }
-}
-
-/// The error is `: why` or `.key: why`.
-fn fitted(value: &FittedValue) -> Result<FittedFibre, String> {
-    let named = |name: &str| {
-        FittedParameters::preset(name).map_err(|near| {
-            format!(
-                ": no fibre is named `{name}`; expected one of {}{}",
-                PRESETS.join(", "),
-                near.map_or(String::new(), |n| format!("; did you mean `{n}`?"))
-            )
-        })
-    };
-    let parameters = match value {
-        FittedValue::Preset(name) => named(name)?,
-        FittedValue::Table(t) => {
-            let preset = t.preset.as_deref().map(named).transpose()?;
-            let colour = |key, own: Option<[f32; 3]>, preset: Option<Rgb>| {
-                own.map(Rgb::from).or(preset).ok_or_else(|| missing(key))
-            };
-            let width = |key, own: Option<f32>, preset: Option<f32>, most_deg: f32| match own {
-                Some(deg) if !(0.0..=most_deg).contains(&deg) => Err(format!(
-                    ".{key}: expected a number from 0 to {most_deg}, found {deg}"
-                )),
-                _ => own
-                    .map(f32::to_radians)
-                    .or(preset)
-                    .ok_or_else(|| missing(key)),
-            };
-            FittedParameters {
-                colour_r: colour("colour_r", t.colour_r, preset.map(|p| p.colour_r))?,
-                colour_tt: colour("colour_tt", t.colour_tt, preset.map(|p| p.colour_tt))?,
-                longitudinal_r_rad: width(
-                    "longitudinal_r_deg",
-                    t.longitudinal_r_deg,
-                    preset.map(|p| p.longitudinal_r_rad),
-                    MAX_BLUR_DEG,
-                )?,
-                longitudinal_tt_rad: width(
-                    "longitudinal_tt_deg",
-                    t.longitudinal_tt_deg,
-                    preset.map(|p| p.longitudinal_tt_rad),
-                    MAX_BLUR_DEG,
-                )?,
-                azimuthal_tt_rad: width(
-                    "azimuthal_tt_deg",
-                    t.azimuthal_tt_deg,
-                    preset.map(|p| p.azimuthal_tt_rad),
-                    90.0,
-                )?,
-            }
-        }
-    };
-    FittedFibre::new(parameters).map_err(|e| format!(": {e}"))
-}
-
-fn missing(key: &str) -> String {
-    format!(".{key}: is missing, and there is no `preset`")
 }

@@ -4,7 +4,7 @@
 use crate::fibre_model;
 use organza_basis::{Rgb, nearest_name};
 use organza_scatter::flake::band::MIN_GAMMA;
-use organza_scatter::{BandProfile, GaussianBand, SineBand};
+use organza_scatter::{BandProfile, FibreTable, FittedTable, GaussianBand, SineBand};
 use organza_transport::FlakeOptics;
 use organza_weave::Material;
 use serde::Deserialize;
@@ -77,33 +77,10 @@ pub struct OpticsTable {
     pub solar: Option<BandTable>,
 }
 
-/// `fitted`: the name of a preset, or a table.
+/// `fitted`: the name of a preset, or the table of a model of fibres; without `kind` that of a
+/// fitted one.
 #[derive(Clone, Debug)]
-pub enum FittedValue {
-    /// Its name.
-    Preset(String),
-    /// Parameters.
-    Table(FittedTable),
-}
-
-/// `fitted = { preset = "silk", colour_tt = [0.8, 0.1, 0.1] }`: a preset with
-/// other values for some keys, or all five keys.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct FittedTable {
-    /// Its name.
-    pub preset: Option<String>,
-    /// Reflectance of the surface straight on.
-    pub colour_r: Option<[f32; 3]>,
-    /// Part of the rest that goes through.
-    pub colour_tt: Option<[f32; 3]>,
-    /// Width of the highlight along the fibre.
-    pub longitudinal_r_deg: Option<f32>,
-    /// Width of transmitted light along the fibre.
-    pub longitudinal_tt_deg: Option<f32>,
-    /// Width of transmitted light about the fibre.
-    pub azimuthal_tt_deg: Option<f32>,
-}
+pub struct FittedValue(pub FibreTable);
 
 impl OpticsTable {
     /// Keys that describe a dielectric fibre, and whether they are given.
@@ -378,10 +355,21 @@ impl<'de> Deserialize<'de> for FittedValue {
                 f.write_str("the name of a preset, or a table")
             }
             fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<FittedValue, E> {
-                Ok(FittedValue::Preset(name.to_owned()))
+                let preset = Some(name.to_owned());
+                let table = FittedTable {
+                    preset,
+                    ..FittedTable::default()
+                };
+                Ok(FittedValue(FibreTable::Fitted(table)))
             }
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<FittedValue, A::Error> {
-                FittedTable::deserialize(MapAccessDeserializer::new(map)).map(FittedValue::Table)
+                let table = toml::Table::deserialize(MapAccessDeserializer::new(map))?;
+                let wrong = |e: toml::de::Error| serde::de::Error::custom(e.message());
+                let made = match table.contains_key("kind") {
+                    true => table.try_into(),
+                    false => table.try_into().map(FibreTable::Fitted),
+                };
+                made.map(FittedValue).map_err(wrong)
             }
         }
         deserializer.deserialize_any(NameOrTable)

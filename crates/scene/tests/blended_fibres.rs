@@ -90,10 +90,7 @@ fn each_material_has_its_optics() {
     let path = written("optics.toml", FABRIC);
     let fabric = fabric_file::load(&path, &[], &Loader::new()).unwrap();
     let fibres = fabric.fibre_models(&path).unwrap();
-    let lobed = |fibre: &Fibre| match fibre {
-        Fibre::Dielectric(f) => f.section().is_some(),
-        Fibre::Fitted(_) => false,
-    };
+    let lobed = |fibre: &Fibre| fibre.near_parts().section.is_some();
     assert_eq!(fibres.iter().map(lobed).collect::<Vec<_>>(), [false, true]);
     let wrong = FABRIC.replace("fibre = \"nylon\"\nsection", "fibre = \"nilon\"\nsection");
     let path = written("wrong.toml", &wrong);

@@ -17,7 +17,7 @@ pub fn dielectric_fibre(absorption_radii: Rgb, longitudinal_rad: f32, azimuthal_
         longitudinal_rad,
         azimuthal_rad,
     };
-    Fibre::Dielectric(DielectricFibre::new(parameters).expect("parameters are in range"))
+    Fibre::from(DielectricFibre::new(parameters).expect("parameters are in range"))
 }
 
 /// A fitted fibre, by the name of its preset.
@@ -26,5 +26,5 @@ pub fn dielectric_fibre(absorption_radii: Rgb, longitudinal_rad: f32, azimuthal_
 /// When there is no such preset.
 pub fn fitted_fibre(preset: &str) -> Fibre {
     let parameters = FittedParameters::preset(preset).expect("the preset exists");
-    Fibre::Fitted(FittedFibre::new(parameters).expect("presets are in range"))
+    Fibre::from(FittedFibre::new(parameters).expect("presets are in range"))
 }

@@ -132,7 +132,7 @@ fn one_cylinder_keeps_the_energy_of_ray_optics() {
             longitudinal_rad: 0.01,
             azimuthal_rad: 0.01,
         };
-        let fibre = Fibre::Dielectric(DielectricFibre::new(parameters).unwrap());
+        let fibre = Fibre::from(DielectricFibre::new(parameters).unwrap());
         let bounds_mm = Aabb::new(Vec3::splat(-2.0), Vec3::splat(2.0));
         let tile = Tile {
             bounds_mm,

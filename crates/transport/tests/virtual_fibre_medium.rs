@@ -193,7 +193,7 @@ fn black_fibres_show_no_more_than_their_gloss() {
             longitudinal_r_rad: 0.1,
             ..FittedParameters::preset("silk").unwrap()
         };
-        Fibre::Fitted(FittedFibre::new(parameters).unwrap())
+        Fibre::from(FittedFibre::new(parameters).unwrap())
     };
     let black = fibre(0.0);
     for event in [VirtualFibreEvent::Plain, VirtualFibreEvent::Packed] {

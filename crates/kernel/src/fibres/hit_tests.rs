@@ -103,7 +103,7 @@ fn heap() -> Heap {
 
 fn fibres() -> Vec<Fibre> {
     let parameters = FittedParameters::preset("gabardine").unwrap();
-    vec![Fibre::Fitted(FittedFibre::new(parameters).unwrap())]
+    vec![Fibre::from(FittedFibre::new(parameters).unwrap())]
 }
 
 /// The same heap, so many times as large.

@@ -14,7 +14,7 @@ fn clear_fibres_conserve_energy() {
         ("smooth", dielectric(1.55, 0.0, 2.0, 5.0)),
         ("middling", dielectric(1.55, 0.0, 8.0, 15.0)),
         ("rough", dielectric(1.4, 0.0, 25.0, 60.0)),
-        ("fitted", Fibre::Fitted(FittedFibre::new(white).unwrap())),
+        ("fitted", Fibre::from(FittedFibre::new(white).unwrap())),
     ] {
         for theta_deg in [0.0f32, 30.0, 60.0, 80.0, 88.0, 89.9] {
             let (sin, cos) = theta_deg.to_radians().sin_cos();
@@ -63,7 +63,7 @@ fn walks_among_clear_rough_fibres_keep_their_light() {
         longitudinal_rad: 0.6,
         azimuthal_rad: 1.2,
     };
-    let fibre = Fibre::Dielectric(DielectricFibre::new(parameters).unwrap());
+    let fibre = Fibre::from(DielectricFibre::new(parameters).unwrap());
     let mut rng = PathRng::from_seed(63);
     let (mut near, mut far, mut twin) = [Moments::default(); 3].into();
     for _ in 0..draws(3000) {
@@ -203,7 +203,7 @@ fn colours_come_out_of_a_tangle() {
         longitudinal_rad: 0.1,
         azimuthal_rad: 0.2,
     };
-    let fibre = Fibre::Dielectric(DielectricFibre::new(parameters).unwrap());
+    let fibre = Fibre::from(DielectricFibre::new(parameters).unwrap());
     let mut sums = [Moments::default(); 3];
     for _ in 0..draws(4000) {
         let mut w_out = warp::cosine_hemisphere(rng.unit2());

@@ -53,10 +53,7 @@ fn near_in_f64(f: &Fibre, p: &DielectricParameters, w_out: Vec3, w_in: Vec3, h: 
         };
         sum += a * k * n;
     }
-    let Fibre::Dielectric(model) = f else {
-        unreachable!()
-    };
-    let c = |theta: f64| f64::from(model.balance().at(theta.cos() as f32).scale.x);
+    let c = |theta: f64| f64::from(f.balance().at(theta.cos() as f32).scale.x);
     c(to) * c(ti) * ti.cos() * sum
 }
 
@@ -64,9 +61,7 @@ fn near_in_f64(f: &Fibre, p: &DielectricParameters, w_out: Vec3, w_in: Vec3, h: 
 fn single_precision_follows_double() {
     let mut rng = PathRng::from_seed(53);
     let fibre = dielectric(1.55, 0.2, 8.0, 15.0);
-    let Fibre::Dielectric(model) = &fibre else {
-        unreachable!()
-    };
+    let parameters = parameters(1.55, 0.2, 8.0, 15.0);
     for _ in 0..3000 {
         let w_out = warp::uniform_sphere(rng.unit2());
         let h = 2.0 * rng.unit() - 1.0;
@@ -74,7 +69,7 @@ fn single_precision_follows_double() {
         let Some(s) = near.sample(w_out, &mut rng) else {
             continue;
         };
-        let exact = near_in_f64(&fibre, model.parameters(), w_out, s.w_in, f64::from(h));
+        let exact = near_in_f64(&fibre, &parameters, w_out, s.w_in, f64::from(h));
         let got = f64::from(near.eval(w_out, s.w_in).0.x);
         assert!(
             (got - exact).abs() < 2e-3 * exact + 1e-5,
@@ -129,14 +124,12 @@ fn dielectric_far_fields_follow_double_precision() {
         (1.0, 15.0, 40.0, 0.02),
     ] {
         let fibre = dielectric(1.55, absorption, longitudinal_deg, azimuthal_deg);
-        let Fibre::Dielectric(model) = &fibre else {
-            unreachable!()
-        };
+        let parameters = parameters(1.55, absorption, longitudinal_deg, azimuthal_deg);
         let error = far_error(&fibre, |w_out, w_in| {
             const N: u32 = 400;
             let at = |i: u32| std::f64::consts::PI * ((f64::from(i) + 0.5) / f64::from(N) - 0.5);
             let near = |g: f64| {
-                let near = near_in_f64(&fibre, model.parameters(), w_out, w_in, g.sin());
+                let near = near_in_f64(&fibre, &parameters, w_out, w_in, g.sin());
                 near * g.cos()
             };
             let sum: f64 = (0..N).map(|i| near(at(i))).sum();
@@ -154,10 +147,7 @@ fn fitted_far_fields_follow_double_precision() {
     let gauss = |x: f64, s: f64| (-0.5 * (x / s).powi(2)).exp() / (s * (2.0 * pi).sqrt());
     for name in PRESETS {
         let fibre = fitted(name);
-        let Fibre::Fitted(model) = &fibre else {
-            unreachable!()
-        };
-        let p = model.parameters();
+        let p = FittedParameters::preset(name).unwrap();
         let error = far_error(&fibre, |w_out, w_in| {
             let t = TANGENT.as_dvec3().normalize();
             let (wo, wi) = (w_out.as_dvec3().normalize(), w_in.as_dvec3().normalize());
@@ -178,7 +168,7 @@ fn fitted_far_fields_follow_double_precision() {
             let tt = (1.0 - r) * f64::from(p.colour_tt.0.x);
             let lobes = r * along(p.longitudinal_r_rad) / (2.0 * pi)
                 + tt * along(p.longitudinal_tt_rad) * about;
-            let c = |theta: f64| f64::from(model.balance().at(theta.cos() as f32).scale.x);
+            let c = |theta: f64| f64::from(fibre.balance().at(theta.cos() as f32).scale.x);
             c(to) * c(ti) * ti.cos() * lobes
         });
         println!("{name}: {error:.2e}");

@@ -23,7 +23,7 @@ fn parameters(absorption: Rgb) -> DielectricParameters {
 
 fn of(section: Section, absorption: Rgb) -> Fibre {
     let fibre = DielectricFibre::with_section(parameters(absorption), Some(section));
-    Fibre::Dielectric(fibre.unwrap())
+    Fibre::from(fibre.unwrap())
 }
 
 /// The distance of two far fields over all azimuths, as a share of the greatest value.
@@ -45,7 +45,7 @@ fn a_traced_circle_scatters_as_the_round_fibre_does() {
     let absorption = Rgb::new(0.02, 0.2, 1.0);
     let traced = of(Section::Ellipse(1.0), absorption);
     let round = DielectricFibre::new(parameters(absorption)).unwrap();
-    let round = Fibre::Dielectric(round);
+    let round = Fibre::from(round);
     for cos in [0.3, 0.7, 1.0] {
         for lobe in [0, 1] {
             let off = apart(&traced, &round, lobe, cos);

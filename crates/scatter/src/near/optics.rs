@@ -101,12 +101,12 @@ pub struct Balanced<F: Floats> {
 impl Optics {
     /// Lays fibres out in the order of their numbers.
     pub fn new(fibres: &[Fibre]) -> Optics {
-        let parts: Vec<NearParts> = fibres.iter().map(Fibre::near_parts).collect();
+        let parts: Vec<NearParts> = fibres.iter().map(|fibre| fibre.near_parts()).collect();
         Optics::of_parts(&parts)
     }
 
     /// The same of their parts.
-    pub(crate) fn of_parts(fibres: &[NearParts]) -> Optics {
+    pub fn of_parts(fibres: &[NearParts]) -> Optics {
         let mut words = vec![0; fibres.len().max(1) * HEAD as usize];
         let mut has_sections = false;
         let mut shades = Vec::with_capacity(fibres.len());

@@ -1,7 +1,6 @@
 //! A near field taken apart, for kernels that evaluate it in their own way.
 
 use super::LOBES;
-use crate::fibre::Fibre;
 use crate::longitudinal::{Balance, Blur};
 use organza_basis::Rgb;
 
@@ -76,16 +75,6 @@ pub enum NearKind {
         /// Part of the rest that TT keeps.
         colour_tt: Rgb,
     },
-}
-
-impl Fibre {
-    /// The numbers behind its near field.
-    pub fn near_parts(&self) -> NearParts {
-        match self {
-            Fibre::Dielectric(f) => f.near_parts(),
-            Fibre::Fitted(f) => f.near_parts(),
-        }
-    }
 }
 
 impl NearParts {

@@ -191,7 +191,7 @@ mod tests {
             longitudinal_rad: 0.1,
             azimuthal_rad: 0.2,
         };
-        Fibre::Dielectric(DielectricFibre::with_section(parameters, section).unwrap())
+        Fibre::from(DielectricFibre::with_section(parameters, section).unwrap())
     }
 
     /// At every offset value and density are those of the far field, which looks them up in its

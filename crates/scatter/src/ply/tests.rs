@@ -5,7 +5,7 @@ use crate::proofs::*;
 use crate::{DielectricFibre, DielectricParameters};
 
 fn fibre(absorption: f32) -> Fibre {
-    Fibre::Dielectric(
+    Fibre::from(
         DielectricFibre::new(DielectricParameters {
             ior: 1.55,
             absorption_radii: Rgb::new(absorption, 2.0 * absorption, 4.0 * absorption),

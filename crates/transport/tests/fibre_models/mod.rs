@@ -29,7 +29,7 @@ fn fibre() -> Fibre {
         longitudinal_rad: 0.0873,
         azimuthal_rad: 0.1745,
     };
-    Fibre::Dielectric(DielectricFibre::new(parameters).unwrap())
+    Fibre::from(DielectricFibre::new(parameters).unwrap())
 }
 
 fn explicit(source: &SegmentList, fibre: &Fibre) -> ExplicitFibres {
@@ -348,7 +348,7 @@ fn local_visibility_against_fibres() {
         longitudinal_rad: 0.25,
         azimuthal_rad: 0.4,
     };
-    let fibre = Fibre::Dielectric(DielectricFibre::new(parameters).unwrap());
+    let fibre = Fibre::from(DielectricFibre::new(parameters).unwrap());
     let (voxel_radii, paths) = (2.0, sized(4_000, 120_000));
     let source = yarn.segments(300);
     let angle =

@@ -124,7 +124,7 @@ pub(crate) fn white_slab(longitudinal_deg: f32, fibres: u32, bend_mm: f32) -> Sc
         longitudinal_rad: longitudinal_deg.to_radians(),
         azimuthal_rad: 10f32.to_radians(),
     };
-    let fibre = Fibre::Dielectric(DielectricFibre::new(parameters).unwrap());
+    let fibre = Fibre::from(DielectricFibre::new(parameters).unwrap());
     let mut rng = PathRng::from_seed(31);
     let segments = (0..fibres).map(|_| {
         let (y, z) = (0.2 * rng.unit(), 0.03 + 0.06 * rng.unit());

@@ -74,7 +74,7 @@ pub fn lobed_and_round() -> Vec<Fibre> {
         azimuthal_rad: 0.3,
     };
     let lobed = DielectricFibre::with_section(parameters, Some(Section::Trilobal)).unwrap();
-    vec![Fibre::Dielectric(lobed), silk_and_cotton().remove(0)]
+    vec![Fibre::from(lobed), silk_and_cotton().remove(0)]
 }
 
 fn scenes() -> Vec<(&'static str, Scene)> {

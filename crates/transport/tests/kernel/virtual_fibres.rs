@@ -133,7 +133,7 @@ fn white_fibres_vanish_under_even_light() {
         colour_tt: Rgb::WHITE,
         ..FittedParameters::preset("gabardine").unwrap()
     };
-    let white = Fibre::Fitted(FittedFibre::new(white).unwrap());
+    let white = Fibre::from(FittedFibre::new(white).unwrap());
     let medium = cloth(
         vec![dielectric([0.0; 3], 6.0, 10.0), white],
         VirtualFibreEvent::Plain,

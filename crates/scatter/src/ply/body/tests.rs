@@ -13,7 +13,7 @@ fn depths_of_first_events_follow_beer_in_a_ply_without_twist() {
         twist_rad_per_mm: 0.0,
         correction: PlyCorrection::default(),
     };
-    let fibre = Fibre::Dielectric(
+    let fibre = Fibre::from(
         crate::DielectricFibre::new(crate::DielectricParameters {
             ior: 1.55,
             absorption_radii: Rgb::WHITE,

@@ -14,7 +14,7 @@ fn clear() -> Fibre {
         longitudinal_rad: 0.1,
         azimuthal_rad: 0.2,
     };
-    Fibre::Dielectric(DielectricFibre::new(parameters).unwrap())
+    Fibre::from(DielectricFibre::new(parameters).unwrap())
 }
 
 /// Fibres along x through all the tile at places of the y-z plane.

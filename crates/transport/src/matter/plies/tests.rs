@@ -20,7 +20,7 @@ fn fibre() -> Fibre {
         longitudinal_rad: 0.12,
         azimuthal_rad: 0.3,
     };
-    Fibre::Dielectric(DielectricFibre::new(parameters).unwrap())
+    Fibre::from(DielectricFibre::new(parameters).unwrap())
 }
 
 fn tile(repeats: bool) -> Tile {
