@@ -41,7 +41,7 @@ pub mod packed;
 pub mod proofs;
 mod refusal;
 mod reserve;
-mod roulette;
+pub mod roulette;
 mod voxels;
 
 pub use block::{Block, Takes};

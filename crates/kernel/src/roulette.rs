@@ -1,5 +1,6 @@
-//! Russian roulette of the paths in lanes.
+//! Russian roulette of paths, one or many.
 
+use organza_basis::{PathRng, Rgb};
 use organza_lanes::Floats;
 use organza_lanes::math::V3;
 
@@ -7,8 +8,8 @@ use organza_lanes::math::V3;
 /// surely until it carries a quarter of what it began with.
 pub const VOXEL_SCALE: f32 = 4.0;
 
-/// The same of a path among explicit fibres: until it carries a fifth, as in the
-/// general walk.
+/// The same of a path among explicit fibres and in the general walk: until it carries a fifth,
+/// which cost against variance left flat between 3 and 8.
 pub const FIBRE_SCALE: f32 = 5.0;
 
 /// Plays for the lanes of a mask with random numbers `u` in `[0, 1)`: the lanes that
@@ -37,4 +38,15 @@ pub fn survivors_by<F: Floats>(
     let survives = mask & u.below(survival);
     let carried = throughput.scaled(one / survival.max(F::splat(f32::MIN_POSITIVE)));
     (survives, carried)
+}
+
+/// What a path of the general walk carries on; `None` of one that ends. A random number is drawn
+/// only where it may.
+pub fn survivor(throughput: Rgb, rng: &mut PathRng) -> Option<Rgb> {
+    let survival = FIBRE_SCALE * throughput.mean();
+    if survival >= 1.0 {
+        return Some(throughput);
+    }
+    let (survives, carried) = survivors_by(V3::splat(throughput.0), survival, rng.unit(), true);
+    survives.then(|| Rgb(carried.into()))
 }

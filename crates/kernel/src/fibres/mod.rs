@@ -36,7 +36,7 @@ mod paths;
 mod plane;
 mod reached;
 mod several;
-mod shade;
+pub(crate) mod shade;
 mod shadows;
 mod strands;
 mod trip;

@@ -8,8 +8,10 @@ use super::scene_words::{LIGHT_WORDS, SKY_WORDS, add_camera, filter_constants, p
 use super::tables::Tables;
 use crate::fibres::body::Body;
 use crate::fibres::fibre_scene::FibreScene;
+use crate::fibres::shade::SHADOW_SCALE;
 use crate::packed::PackedPart;
 use crate::refusal::Refusal;
+use crate::roulette::FIBRE_SCALE;
 use crate::voxels::camera_rays::CameraRays;
 use crate::voxels::environment::{Parts, lamp_places, texel_words};
 use crate::voxels::population_tables::populations;
@@ -69,7 +71,10 @@ pub fn program_scene(scene: &Arc<FibreScene>) -> Result<ProgramScene<'_>, Refusa
         }
     };
     has("HAS_LENS", camera.lens_mm.is_some());
-    constants += &format!("const SECTION_ROWS: u32 = {FAR_ROWS}u;\n");
+    constants += &format!(
+        "const SECTION_ROWS: u32 = {FAR_ROWS}u;\nconst SHADOW_SCALE: f32 = {SHADOW_SCALE:?};\n\
+         const ROULETTE_SCALE: f32 = {FIBRE_SCALE:?};\n"
+    );
     constants += &filter_constants(camera.filter);
 
     let film_width = scene.camera.resolution().x;

@@ -5,10 +5,6 @@
 // of some size is called in one place only: compilers put the whole of it wherever it is
 // called.
 
-// A shadow ray is traced surely when the light scattered toward the camera is at least a
-// tenth of the irradiance, per steradian; fainter light in proportion, and weighed up.
-const SHADOW_SCALE: f32 = 10.0;
-const ROULETTE_SCALE: f32 = 5.0;
 // Cells that a step looks into.
 const CELLS_PER_STEP: u32 = 4u;
 // Words of a lane before those of its ray, of its ray, and of where it has come to.

@@ -4,6 +4,7 @@ use super::numbers::Numbers;
 use super::program::ProgramScene;
 use super::scene_words::{LIGHT_WORDS, SKY_WORDS, add_camera, filter_constants, panel_words, put};
 use super::tables::Tables;
+use crate::roulette::VOXEL_SCALE;
 use crate::voxels::environment::Sky;
 use crate::voxels::flat_scene::FlatScene;
 use crate::voxels::optical_depth_table::OpticalDepthTable;
@@ -29,6 +30,7 @@ pub fn program_scene(scene: &Arc<FlatScene>) -> ProgramScene<'_> {
     has("HAS_SKIES", !scene.skies.is_empty());
     has("HAS_LENS", scene.camera_rays.lens_mm.is_some());
     constants += &filter_constants(scene.camera_rays.filter);
+    constants += &format!("const ROULETTE_SCALE: f32 = {VOXEL_SCALE:?};\n");
 
     let mut numbers = Numbers::new("scene_numbers");
     let mut tables = Tables::default();

@@ -6,7 +6,6 @@
 const REACH_BORDER: f32 = 1.0 / 1024.0;
 // Room for rounding when the square of an extinction is held against that of its bound.
 const BOUND_SLACK: f32 = 1.0 + 4.0e-5;
-const ROULETTE_SCALE: f32 = 4.0;
 // Matter as dense as there is anywhere, which is known to reach nowhere.
 const UNKNOWN_VOXEL: vec2<u32> = vec2<u32>(0u, 0xff000000u);
 

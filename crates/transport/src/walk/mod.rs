@@ -1,12 +1,11 @@
 //! The general walk: scenes, paths through them, and the pictures that paths make.
 
 mod render;
-mod roulette;
 mod scene;
 mod trace;
 
+pub(crate) use organza_kernel::roulette::survivor;
 pub(crate) use render::add_samples;
-pub(crate) use roulette::survivor;
 
 pub use render::{Crop, Pass, RenderError, RenderSettings, Rendering, Watch, render};
 pub use scene::Scene;

@@ -1,9 +1,9 @@
 //! One path: the random walk from the camera against the light.
 
-use super::roulette::survivor;
 use crate::{Collision, Escape, FirstEvent, Integrator, Light, PathSample, Scene, Stats, Tracking};
 use glam::{DVec3, UVec2, Vec3};
 use organza_basis::{PathRng, Ray, Rgb};
+use organza_kernel::roulette::survivor;
 
 /// A shadow ray is traced surely when the light scattered toward the camera is
 /// at least a tenth of the irradiance, per steradian; fainter light is traced
