@@ -21,7 +21,7 @@ const EDGES: [(&str, &[&str]); 27] = [
     ("mesh", &["basis"]),
     ("film", &["basis"]),
     ("denoise", &["film"]),
-    ("light", &["basis"]),
+    ("light", &["basis", "lanes"]),
     ("kernel", &["basis", "film", "lanes", "light", "scatter"]),
     (
         "transport",

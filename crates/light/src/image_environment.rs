@@ -2,9 +2,11 @@
 
 use crate::light::{KernelLight, LightSample, LightSearch, LightSource};
 use crate::mitsuba::{self, MitsubaLight};
+use crate::picture_map::PictureMap;
 use glam::{UVec2, Vec3};
 use organza_basis::{AliasTable, PathRng, Rgb};
-use std::f32::consts::{PI, TAU};
+use organza_lanes::V3;
+use std::f32::consts::TAU;
 use std::sync::Arc;
 
 /// An equirectangular picture around the scene, linear between pixel centres.
@@ -18,11 +20,8 @@ use std::sync::Arc;
 /// that the density is known exactly and is zero nowhere where there is light.
 #[derive(Clone, Debug)]
 pub struct ImageEnvironment {
-    size: UVec2,
+    map: PictureMap,
     pixels: Vec<Rgb>,
-    up: Vec3,
-    centre: Vec3,
-    left: Vec3,
     /// None of a black picture.
     table: Option<AliasTable>,
     /// Cosines of the polar angles between rows, from 1 to -1.
@@ -88,11 +87,13 @@ impl ImageEnvironment {
             .map(|y| (std::f64::consts::PI * f64::from(y) / f64::from(size.y)).cos() as f32)
             .collect();
         let mut made = ImageEnvironment {
-            size,
+            map: PictureMap {
+                size,
+                up,
+                centre,
+                left,
+            },
             pixels,
-            up,
-            centre,
-            left,
             table: None,
             row_cosines,
         };
@@ -102,7 +103,7 @@ impl ImageEnvironment {
 
     /// Columns and rows.
     pub fn size(&self) -> UVec2 {
-        self.size
+        self.map.size
     }
 
     /// Radiance per pixel, in rows from the top.
@@ -110,15 +111,15 @@ impl ImageEnvironment {
         &self.pixels
     }
 
-    /// Unit vectors: up, toward the picture's middle, and to the left of it.
-    pub fn frame(&self) -> [Vec3; 3] {
-        [self.up, self.centre, self.left]
+    /// Where directions lie in it.
+    pub fn map(&self) -> &PictureMap {
+        &self.map
     }
 
     /// Integral of the interpolated luminance over every pixel, but for what
     /// the solid angle varies within it.
     fn weights(&self) -> Vec<f64> {
-        let (width, height) = (self.size.x as usize, self.size.y as usize);
+        let (width, height) = (self.map.size.x as usize, self.map.size.y as usize);
         let luminance = |x: usize, y: usize| f64::from(self.pixels[y * width + x].luminance());
         // A tent about each centre gives 3/4 to its own pixel, 1/8 to each neighbour.
         let along_row = |x: usize, y: usize| {
@@ -138,41 +139,29 @@ impl ImageEnvironment {
         weights
     }
 
-    /// Where a direction lies in the picture, in pixels from the upper left.
-    fn place(&self, w: Vec3) -> (f32, f32) {
-        let (x, y, z) = (w.dot(self.centre), w.dot(self.left), w.dot(self.up));
-        let theta = x.hypot(y).atan2(z);
-        let u = 0.5 - y.atan2(x) / TAU;
-        let (width, height) = (self.size.x as f32, self.size.y as f32);
-        (u * width, theta / PI * height)
-    }
-
     /// Radiance seen along a direction of sight.
     pub fn radiance_toward(&self, w: Vec3) -> Rgb {
-        let (x, y) = self.place(w);
-        let (x, y) = (x - 0.5, y - 0.5);
-        let (fx, fy) = (x - x.floor(), y - y.floor());
-        let (width, height) = (self.size.x as i32, self.size.y as i32);
-        let (x, y) = (x.floor() as i32, y.floor() as i32);
-        let pixel = |x: i32, y: i32| {
-            let (x, y) = (x.rem_euclid(width), y.clamp(0, height - 1));
-            self.pixels[(y * width + x) as usize]
-        };
-        let row = |y: i32| (1.0 - fx) * pixel(x, y) + fx * pixel(x + 1, y);
-        (1.0 - fy) * row(y) + fy * row(y + 1)
+        let corners = self.map.corners::<f32>(V3::splat(w));
+        let [a, b, c, d] = corners.pixels.map(|i| self.pixels[i.0 as usize].0);
+        let of = |axis: usize| corners.between([a[axis], b[axis], c[axis], d[axis]]);
+        Rgb::new(of(0), of(1), of(2))
     }
 
     /// A direction by luminance, with its density.
     pub fn sample(&self, rng: &mut PathRng) -> Option<(Vec3, f32)> {
         let index = self.table.as_ref()?.sample(rng);
-        let (column, row) = (index % self.size.x as usize, index / self.size.x as usize);
+        let (column, row) = (
+            index % self.map.size.x as usize,
+            index / self.map.size.x as usize,
+        );
         let s = rng.unit2();
         let (top, bottom) = (self.row_cosines[row], self.row_cosines[row + 1]);
         let z = top + s.y * (bottom - top);
         let r = (1.0 - z * z).max(0.0).sqrt();
-        let phi = TAU * (0.5 - (column as f32 + s.x) / self.size.x as f32);
+        let phi = TAU * (0.5 - (column as f32 + s.x) / self.map.size.x as f32);
         let (sin, cos) = phi.sin_cos();
-        let w = r * cos * self.centre + r * sin * self.left + z * self.up;
+        let map = &self.map;
+        let w = r * cos * map.centre + r * sin * map.left + z * map.up;
         let w = w.normalize();
         Some((w, self.pdf(w)))
     }
@@ -182,12 +171,12 @@ impl ImageEnvironment {
         let Some(table) = &self.table else {
             return 0.0;
         };
-        let (x, y) = self.place(w);
-        let column = (x as usize).min(self.size.x as usize - 1);
-        let row = (y as usize).min(self.size.y as usize - 1);
+        let [x, y] = self.map.place::<f32>(V3::splat(w));
+        let column = (x as usize).min(self.map.size.x as usize - 1);
+        let row = (y as usize).min(self.map.size.y as usize - 1);
         let cosines = self.row_cosines[row] - self.row_cosines[row + 1];
-        let solid_angle = cosines * TAU / self.size.x as f32;
-        table.probability(row * self.size.x as usize + column) / solid_angle
+        let solid_angle = cosines * TAU / self.map.size.x as f32;
+        table.probability(row * self.map.size.x as usize + column) / solid_angle
     }
 }
 
@@ -240,7 +229,9 @@ impl ImageEnvironment {
     pub(crate) fn for_mitsuba(&self, index: usize) -> MitsubaLight {
         let name = format!("light{index}.exr");
         let (size, pixels) = rows_from_pole_to_pole(self);
-        let [up, centre, left] = self.frame();
+        let PictureMap {
+            up, centre, left, ..
+        } = self.map;
         let xml = format!(
             r#"    <emitter type="envmap">
         <string name="filename" value="{name}"/>

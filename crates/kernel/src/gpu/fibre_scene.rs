@@ -4,7 +4,9 @@ use super::bodies::{FAR_MM, add_bodies, middle_mm, place_from};
 use super::cell_tables::CellTables;
 use super::numbers::Numbers;
 use super::program::ProgramScene;
-use super::scene_words::{LIGHT_WORDS, SKY_WORDS, add_camera, filter_constants, panel_words, put};
+use super::scene_words::{
+    LIGHT_WORDS, SKY_WORDS, add_camera, filter_constants, panel_words, put, put_map,
+};
 use super::tables::Tables;
 use crate::fibres::body::Body;
 use crate::fibres::fibre_scene::FibreScene;
@@ -292,14 +294,9 @@ impl<'a> Lights<'a> {
 /// An environment picture: its sky and its lamps, so that neither is found twice.
 fn sky_words(image: &ImageEnvironment, tables: &mut Tables<'_>) -> [u32; SKY_WORDS] {
     let parts = Parts::of(image);
-    let [up, centre, left] = image.frame();
-    let size = image.size().as_vec2();
     let (texels, whole) = texel_words(image, &parts);
     let mut words = [0; SKY_WORDS];
-    [words[0], words[1]] = [size.x, size.y].map(f32::to_bits);
-    put(&mut words, 2, centre);
-    put(&mut words, 5, left);
-    put(&mut words, 8, up);
+    put_map(&mut words, image.map());
     words[11] = tables.add(texels);
     words[12] = whole;
     let mut lamps = Vec::new();

@@ -4,6 +4,7 @@ use super::numbers::Numbers;
 use crate::voxels::camera_rays::CameraRays;
 use glam::Vec3;
 use organza_film::PixelFilter;
+use organza_light::PictureMap;
 
 /// Words of a light and of a picture: see `panels.wgsl`, `skies.wgsl`.
 pub const LIGHT_WORDS: usize = 24;
@@ -61,4 +62,12 @@ pub fn add_camera(numbers: &mut Numbers, camera: &CameraRays) {
     ] {
         numbers.three(name, v);
     }
+}
+
+/// The first words of a picture: its size and frame.
+pub fn put_map(words: &mut [u32; SKY_WORDS], map: &PictureMap) {
+    [words[0], words[1]] = map.size.as_vec2().to_array().map(f32::to_bits);
+    put(words, 2, map.centre);
+    put(words, 5, map.left);
+    put(words, 8, map.up);
 }

@@ -2,7 +2,9 @@
 
 use super::numbers::Numbers;
 use super::program::ProgramScene;
-use super::scene_words::{LIGHT_WORDS, SKY_WORDS, add_camera, filter_constants, panel_words, put};
+use super::scene_words::{
+    LIGHT_WORDS, SKY_WORDS, add_camera, filter_constants, panel_words, put, put_map,
+};
 use super::tables::Tables;
 use crate::roulette::VOXEL_SCALE;
 use crate::voxels::environment::Sky;
@@ -139,10 +141,7 @@ fn light_words<'a>(light: &'a OpticalDepthTable, tables: &mut Tables<'a>) -> [u3
 
 fn sky_words<'a>(sky: &'a Sky, tables: &mut Tables<'a>) -> [u32; SKY_WORDS] {
     let mut words = [0; SKY_WORDS];
-    [words[0], words[1]] = sky.size.map(f32::to_bits);
-    put(&mut words, 2, sky.centre);
-    put(&mut words, 5, sky.left);
-    put(&mut words, 8, sky.up);
+    put_map(&mut words, &sky.map);
     words[11] = tables.add(&sky.texels);
     words[12] = sky.whole;
     words[13] = sky.lamps.len() as u32;

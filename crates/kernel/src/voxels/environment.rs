@@ -16,9 +16,9 @@ use super::flat_medium::FlatMedium;
 use super::optical_depth_table::{Nodes, OpticalDepthTable, extinctions};
 use glam::Vec3;
 use organza_basis::{AliasTable, Rgb};
-use organza_lanes::math::{V3, sin_cos_of_turns, turns_of};
-use organza_lanes::{Floats, Ints};
-use organza_light::ImageEnvironment;
+use organza_lanes::math::V3;
+use organza_lanes::{Floats, Ints, vector_of, word_of};
+use organza_light::{Corners, ImageEnvironment, PictureMap};
 use std::f32::consts::{PI, TAU};
 
 /// How many times as bright as its own mean the sky may be. Escaping walks
@@ -44,12 +44,8 @@ const PLACE: u32 = 8;
 
 /// A picture around the scene.
 pub struct Sky {
-    /// Columns and rows.
-    pub size: [f32; 2],
-    /// Toward the picture's middle, left and up.
-    pub centre: Vec3,
-    pub left: Vec3,
-    pub up: Vec3,
+    /// Where directions lie in it.
+    pub map: PictureMap,
     /// Red, green and blue of the sky's texels as bits of `f32`, then the same
     /// of the whole picture, unless that is all there is.
     pub texels: Vec<u32>,
@@ -84,15 +80,11 @@ pub struct LampSample<F: Floats> {
 impl Sky {
     /// Lays a picture out for lanes.
     pub fn new(medium: &FlatMedium, nodes: Nodes, image: &ImageEnvironment, parts: &Parts) -> Sky {
-        let [up, centre, left] = image.frame();
         let (texels, whole) = texel_words(image, parts);
         let lamps = parts.lamps.iter();
         let brightest = image.pixels().iter().map(|p| p.max_component());
         Sky {
-            size: image.size().as_vec2().to_array(),
-            centre,
-            left,
-            up,
+            map: *image.map(),
             texels,
             whole,
             lamps: lamps
@@ -120,50 +112,25 @@ impl Sky {
     /// where nothing looked for the lamps.
     #[inline(always)]
     pub fn radiance_toward<F: Floats>(&self, w: V3<F>, whole: F::Mask) -> V3<F> {
-        let word = F::Ints::splat;
-        let (half, zero, one) = (F::splat(0.5), F::splat(0.0), F::splat(1.0));
-        let (x, y, z) = (
-            w.dot(V3::splat(self.centre)),
-            w.dot(V3::splat(self.left)),
-            w.dot(V3::splat(self.up)),
-        );
-        let polar = turns_of(x.mul_add(x, y * y).sqrt(), z);
-        let [width, height] = self.size;
-        let column = (half - turns_of(y, x)).mul_add(F::splat(width), -half);
-        let row = polar.mul_add(F::splat(2.0 * height), -half);
-        let (left, above) = (column.floor(), row.floor());
-        let (fx, fy) = (column - left, row - above);
-        let last = F::splat(width - 1.0);
-        let right = left + one;
-        let right = zero.or_where_not(last.below(right), right);
-        let left = last.or_where_not(left.below(zero), left);
-        let bottom = F::splat(height - 1.0);
-        let below = (above + one).min(bottom);
-        let above = above.max(zero);
-        let base = word(self.whole).or_where_not(whole, word(0));
-        let left = left.max(zero).min(last).to_ints() * word(TEXEL);
-        let right = right.max(zero).min(last).to_ints() * word(TEXEL);
-        let row = word(TEXEL * width as u32);
-        let above = base + above.to_ints() * row;
-        let below = base + below.to_ints() * row;
-        let corners = [above + left, above + right, below + left, below + right];
+        let corners = self.map.corners(w);
+        let base = F::Ints::splat(self.whole).or_where_not(whole, F::Ints::splat(0));
         V3 {
-            x: self.between(corners, 0, fx, fy),
-            y: self.between(corners, 1, fx, fy),
-            z: self.between(corners, 2, fx, fy),
+            x: self.between(&corners, base, 0),
+            y: self.between(&corners, base, 1),
+            z: self.between(&corners, base, 2),
         }
     }
 
-    /// A channel between four texels.
+    /// A channel between four texels behind a base.
     #[inline(always)]
-    fn between<F: Floats>(&self, [a, b, c, d]: [F::Ints; 4], channel: u32, fx: F, fy: F) -> F {
-        let channel = F::Ints::splat(channel);
-        let a = (a + channel).gather(&self.texels).as_floats();
-        let b = (b + channel).gather(&self.texels).as_floats();
-        let c = (c + channel).gather(&self.texels).as_floats();
-        let d = (d + channel).gather(&self.texels).as_floats();
-        let (low, high) = ((b - a).mul_add(fx, a), (d - c).mul_add(fx, c));
-        (high - low).mul_add(fy, low)
+    fn between<F: Floats>(&self, corners: &Corners<F>, base: F::Ints, channel: u32) -> F {
+        let [a, b, c, d] = corners.pixels;
+        let texel = F::Ints::splat(TEXEL);
+        let a = word_of(&self.texels, base + a * texel, channel);
+        let b = word_of(&self.texels, base + b * texel, channel);
+        let c = word_of(&self.texels, base + c * texel, channel);
+        let d = word_of(&self.texels, base + d * texel, channel);
+        corners.between([a, b, c, d])
     }
 
     /// Draws directions toward a lamp.
@@ -183,20 +150,12 @@ impl Sky {
         let x = (at & word(0xffff)).to_floats() + half + tent(across);
         // Beyond a pole the picture goes on as its last row: the tent folds.
         let y = (at.shr::<16>().to_floats() + half + tent(down)).abs();
-        let height = F::splat(self.size[1]);
+        let height = F::splat(self.map.size.y as f32);
         let y = height - (height - y).abs();
-        let turns = half - x * F::splat(1.0 / self.size[0]);
-        let (sin_azimuth, cos_azimuth) = sin_cos_of_turns(turns - turns.floor());
-        let (sin, cos) = sin_cos_of_turns(y * (half / height));
-        let across = V3::splat(self.centre).scaled(sin * cos_azimuth);
-        let across = V3::splat(self.left).scaled_add(sin * sin_azimuth, across);
-        let irradiance = V3 {
-            x: (place + word(3)).gather(table).as_floats(),
-            y: (place + word(4)).gather(table).as_floats(),
-            z: (place + word(5)).gather(table).as_floats(),
-        };
+        let (to_light, sin) = self.map.direction([x, y]);
+        let irradiance = vector_of::<F>(table, place, 3);
         LampSample {
-            to_light: V3::splat(self.up).scaled_add(cos, across),
+            to_light,
             irradiance: irradiance.scaled(sin),
         }
     }
@@ -313,7 +272,7 @@ impl Parts {
     /// Takes a picture apart.
     pub fn of(image: &ImageEnvironment) -> Parts {
         let (size, pixels) = (image.size(), image.pixels());
-        let [up, centre, left] = image.frame();
+        let map = image.map();
         let row_weight = |y: u32| {
             let polar = std::f64::consts::PI * (f64::from(y) + 0.5) / f64::from(size.y);
             polar.sin()
@@ -338,12 +297,10 @@ impl Parts {
                 for (&p, x) in row.iter().zip(0..) {
                     let luminance = f64::from(p.luminance());
                     if luminance > most {
-                        let turns = 0.5 - (x as f32 + 0.5) / size.x as f32;
-                        let (sin, cos) = (PI * (y as f32 + 0.5) / size.y as f32).sin_cos();
-                        let (s, c) = (TAU * turns).sin_cos();
+                        let middle = [x as f32 + 0.5, y as f32 + 0.5];
                         bright.push(Texel {
                             index: y * size.x + x,
-                            toward: sin * (c * centre + s * left) + cos * up,
+                            toward: map.direction(middle).0.into(),
                             radiance: (1.0 - (most / luminance) as f32) * p,
                             flux: (luminance - most) * row_weight(y),
                         });

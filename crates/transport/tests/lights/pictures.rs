@@ -59,7 +59,8 @@ fn one_bright_pixel_is_a_directional_light() {
     let (image, light) = (Arc::clone(&light.image), Light::from(light));
     // Irradiance and mean direction by adding up the interpolated picture
     // around the pixel.
-    let [up, centre, left] = image.frame().map(|v| v.as_dvec3());
+    let map = image.map();
+    let [up, centre, left] = [map.up, map.centre, map.left].map(|v| v.as_dvec3());
     let (steps, reach) = (64, 1.5);
     let (mut vector, mut irradiance) = (DVec3::ZERO, 0.0);
     for i in 0..steps {
