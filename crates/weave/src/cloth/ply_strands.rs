@@ -177,11 +177,19 @@ impl Plies<'_> {
             CurveLevel::Fibre
         };
         let path = self.cloth.path(thread, level);
-        let mut strand = self.cloth.strand(batch, &path);
+        let strand = self.cloth.strand(batch, &path);
         let whole_mm = self.ply_radius_mm(thread);
         let first = strand.emit_rings(rings, whole_mm, thread.section.area().sqrt(), emit);
-        strand.template.material += self.cloth.materials.len() as u16;
-        strand.emit_hairs(first, emit);
+        // Hairs of a thread have colours of its dye; straight ones that of the template.
+        let plies = self.cloth.materials.len() as u16;
+        let mut emit_hair = |s: &Segment| {
+            emit(&Segment {
+                material: s.material + plies,
+                ..*s
+            });
+        };
+        let first = strand.emit_hairs(first, &mut emit_hair);
+        strand.emit_neps(first, &mut emit_hair);
     }
 }
 
@@ -257,6 +265,12 @@ impl Plies<'_> {
     pub fn unfit(&self) -> Option<&'static str> {
         if self.cloth.pile.is_some() {
             return Some("pile");
+        }
+        if !self.cloth.pills.is_empty() {
+            return Some("pills");
+        }
+        if self.cloth.openings.is_some() {
+            return Some("fulled yarns");
         }
         if self.cloth.yarns.iter().any(|y| y.blends_materials) {
             return Some("blends of fibre materials");
