@@ -116,9 +116,9 @@ FIBRES = [
     ("tufts of colour in a blend", WOOL | {"tex": 110, "per_cm": 10, "repeats": 4, "yarn": FLECKS}
      | {"colour": "[0.06, 0.06, 0.06]", "weft_colour": "[0.06, 0.06, 0.06]"},
      {"yarn": FLECKS + "\nblend_tufts = { fibres = 25.0, length_mm = 4.0 }"}, 12),
-    ("neps", DONEGAL, {"yarn": DONEGAL["yarn"] + "\nneps = { per_m = 60.0, size_mm = [1.3, 0.4], colours = "
-                      "[[0.55, 0.30, 0.05], [0.50, 0.06, 0.05], [0.55, 0.52, 0.44], [0.06, 0.22, 0.30]] }"}, 18),
-    ("pills", PILLED, {"tables": "[wear]\npills = { per_cm2 = 7.0, size_mm = [1.2, 0.4] }"}, 18),
+    ("neps", DONEGAL, {"yarn": DONEGAL["yarn"] + "\nneps = { per_m = 100.0, size_mm = [1.1, 0.3], colours = "
+                      "[[0.42, 0.26, 0.08], [0.34, 0.06, 0.05], [0.50, 0.46, 0.37], [0.05, 0.17, 0.21]] }"}, 24),
+    ("pills", PILLED, {"tables": "[wear]\npills = { per_cm2 = 7.0, size_mm = [1.0, 0.35] }"}, 20),
     ("fulling", FLANNEL, {"yarn": FLANNEL["yarn"] + "\nfulling = 0.7"}, 12),
     ("wear", DENIM, {"tables": "[wear]\namount = 0.9\ndepth_um = 90.0\ncolour = [0.3, 0.31, 0.31]"}, 7),
 ]

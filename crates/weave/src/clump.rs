@@ -18,11 +18,11 @@ const CURL: f64 = 0.55;
 const TURNS: f64 = 0.85;
 const LEAD: f64 = 3.0;
 /// Least and largest extent of a fibre, as a share of the ellipsoid's (estimated).
-const EXTENTS: [f64; 2] = [0.6, 0.95];
+const EXTENTS: [f64; 2] = [0.5, 0.9];
 /// Share of the fibres with an end that stands out, and how far it goes, in radii of curl
 /// (estimated).
-const STRAYING: f64 = 0.35;
-const STRAY_CURLS: f64 = 2.5;
+const STRAYING: f64 = 0.5;
+const STRAY_CURLS: f64 = 4.0;
 /// How far beyond the ellipsoid ends may lie, as a share of its extent.
 pub(crate) const STRAY_EXTENT: f64 = 1.5;
 /// The longest step, relative to the curl: where fibres turn back, longer ones show kinks.
@@ -195,7 +195,7 @@ mod tests {
     #[test]
     fn fibres_stay_inside_and_are_as_long_as_asked_and_smooth() {
         let clump = clump();
-        let (mut strays, mut points) = (0, 0);
+        let (mut strays, mut points, mut kinks) = (0, 0, 0);
         for curve in fibres(&clump) {
             let length: f64 = curve.windows(2).map(|p| p[0].distance(p[1])).sum();
             let step = clump.step_mm(0.01);
@@ -207,15 +207,14 @@ mod tests {
                 assert!(clump.extent(*at) < STRAY_EXTENT + 1e-9, "seed {SEED}: {at}");
             }
             let turn = |p: &[DVec3]| (p[1] - p[0]).angle_between(p[2] - p[1]);
-            let sharp = curve.windows(3).filter(|p| turn(p) > 0.8).count();
-            assert!(
-                (sharp as f64) < 0.03 * curve.len() as f64,
-                "seed {SEED}: {sharp} kinks"
-            );
+            kinks += curve.windows(3).filter(|p| turn(p) > 0.8).count();
         }
-        // Of 10 mm, a third of the fibres has ends of up to 0.55 mm outside.
+        // Only where a fibre runs straight into the outline.
+        let share = kinks as f64 / points as f64;
+        assert!(share < 0.02, "seed {SEED}: {share} of kinks");
+        // Of 10 mm, half of the fibres has ends of up to 0.9 mm, partly outside.
         let share = strays as f64 / points as f64;
-        assert!((1e-4..0.01).contains(&share), "seed {SEED}: {share}");
+        assert!((1e-3..0.02).contains(&share), "seed {SEED}: {share}");
     }
 
     /// Fibre fills the ball, neither its rim nor its middle alone, and less towards the outline.
