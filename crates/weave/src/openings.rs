@@ -23,9 +23,12 @@ pub(crate) struct Openings {
     pub faces_mm: [f64; 2],
 }
 
+/// Shows every thread of a cloth to a visitor.
+pub(crate) type EachThread<'a> = &'a dyn Fn(&mut dyn FnMut(&Strand));
+
 impl Openings {
     /// Of a cloth that repeats; `for_each` gives its threads.
-    pub fn new(tile: Tile, for_each: &dyn Fn(&mut dyn FnMut(&Strand))) -> Openings {
+    pub fn new(tile: Tile, for_each: EachThread<'_>) -> Openings {
         let mut thinnest = f64::INFINITY;
         let mut faces_mm = [f64::INFINITY, f64::NEG_INFINITY];
         for_each(&mut |strand| {
