@@ -96,7 +96,7 @@ FILAMENT = ('kind = "filament"\nfibre_volume_fraction = 0.35\nfibre_radius_um = 
             'twist = { direction = "Z", turns_per_m = 120.0 }')
 FLECKS = ('irregularity = "woollen"\nblend = [{ share = 8.0 }, { share = 2.0, colour = [0.16, 0.15, 0.14] }, '
           '{ share = 0.8, colour = [0.45, 0.16, 0.05] }, { share = 0.6, colour = [0.06, 0.12, 0.24] }]')
-DONEGAL = WOOL | {"tex": 190, "per_cm": 8.5, "repeats": 14, "yarn": 'irregularity = "woollen"',
+DONEGAL = WOOL | {"tex": 190, "per_cm": 8.5, "repeats": 6, "yarn": 'irregularity = "woollen"',
                   "colour": "[0.055, 0.055, 0.06]", "weft_colour": "[0.20, 0.19, 0.18]"}
 FLANNEL = WOOL | {"weave": "twill-2-2", "per_cm": 14, "repeats": 4, "yarn": 'irregularity = "woollen"',
                   "colour": "[0.22, 0.22, 0.23]", "weft_colour": "[0.09, 0.09, 0.10]"}
