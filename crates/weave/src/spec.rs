@@ -57,10 +57,9 @@ pub struct FabricGeometry {
 
 impl FabricGeometry {
     /// The same cloth of even threads at even distances: without `irregularity`, `finish`,
-    /// `fulling`, `evenness`, `drafting_waves`, `slubs`, `neps`, `fibre_radius_cv_percent`, `wander`, `crimp`, `hairiness`,
-    /// `flattening`,
-    /// `spacing_cv_percent`, `reed_dents` and the variation of the pile's height and lean. Hairs
-    /// and loops, migration and colours stay.
+    /// `fulling`, `evenness`, `drafting_waves`, `slubs`, `neps`, `fibre_radius_cv_percent`,
+    /// `wander`, `crimp`, `hairiness`, `flattening`, `spacing_cv_percent`, `reed_dents` and the
+    /// variation of the pile's height and lean. Hairs and loops, migration and colours stay.
     pub fn without_irregularity(&self) -> FabricGeometry {
         let mut out = self.clone();
         for yarn in out.yarn.values_mut() {

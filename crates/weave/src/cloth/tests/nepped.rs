@@ -95,8 +95,9 @@ fn neps_are_a_poisson_process() {
     assert!((mean - expected).abs() > error, "{mean}");
 }
 
-/// Every fibre of a nep lies within it or strays a little, but for its root, which lies in the yarn; neps have the
-/// volume and the colours that were asked for, and a part of them stands out of the yarn.
+/// Every fibre of a nep lies within it or strays a little, but for its root, which lies in the
+/// yarn; neps have the volume and the colours that were asked for, and a part of them stands out of
+/// the yarn.
 #[test]
 fn neps_are_small_coloured_and_half_out() {
     const SEED: u64 = 5;
