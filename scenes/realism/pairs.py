@@ -96,6 +96,12 @@ FILAMENT = ('kind = "filament"\nfibre_volume_fraction = 0.35\nfibre_radius_um = 
             'twist = { direction = "Z", turns_per_m = 120.0 }')
 FLECKS = ('irregularity = "woollen"\nblend = [{ share = 8.0 }, { share = 2.0, colour = [0.16, 0.15, 0.14] }, '
           '{ share = 0.8, colour = [0.45, 0.16, 0.05] }, { share = 0.6, colour = [0.06, 0.12, 0.24] }]')
+DONEGAL = WOOL | {"tex": 190, "per_cm": 8.5, "repeats": 6, "yarn": 'irregularity = "woollen"',
+                  "colour": "[0.055, 0.055, 0.06]", "weft_colour": "[0.20, 0.19, 0.18]"}
+FLANNEL = WOOL | {"weave": "twill-2-2", "per_cm": 14, "repeats": 4, "yarn": 'irregularity = "woollen"',
+                  "colour": "[0.22, 0.22, 0.23]", "weft_colour": "[0.09, 0.09, 0.10]"}
+PILLED = WOOL | {"weave": "twill-2-2", "tex": 60, "per_cm": 15, "repeats": 5, "yarn": 'irregularity = "worsted wool"',
+                 "colour": "[0.05, 0.09, 0.20]", "weft_colour": "[0.05, 0.09, 0.20]"}
 # Pairs of the second sheet.
 FIBRES = [
     ("heather of dyed and undyed wool", WOOL | {"colour": "[0.10, 0.13, 0.20]", "weft_colour": "[0.10, 0.13, 0.20]"},
@@ -110,6 +116,10 @@ FIBRES = [
     ("tufts of colour in a blend", WOOL | {"tex": 110, "per_cm": 10, "repeats": 4, "yarn": FLECKS}
      | {"colour": "[0.06, 0.06, 0.06]", "weft_colour": "[0.06, 0.06, 0.06]"},
      {"yarn": FLECKS + "\nblend_tufts = { fibres = 25.0, length_mm = 4.0 }"}, 12),
+    ("neps", DONEGAL, {"yarn": DONEGAL["yarn"] + "\nneps = { per_m = 100.0, size_mm = [1.1, 0.3], colours = "
+                      "[[0.42, 0.26, 0.08], [0.34, 0.06, 0.05], [0.50, 0.46, 0.37], [0.05, 0.17, 0.21]] }"}, 24),
+    ("pills", PILLED, {"tables": "[wear]\npills = { per_cm2 = 7.0, size_mm = [1.0, 0.35] }"}, 20),
+    ("fulling", FLANNEL, {"yarn": FLANNEL["yarn"] + "\nfulling = 0.7"}, 12),
     ("wear", DENIM, {"tables": "[wear]\namount = 0.9\ndepth_um = 90.0\ncolour = [0.3, 0.31, 0.31]"}, 7),
 ]
 

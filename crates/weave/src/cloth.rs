@@ -14,6 +14,7 @@ mod irregularity;
 mod nonwoven;
 mod openwork;
 mod pile;
+mod pills;
 mod ply_strands;
 mod print;
 mod ranges;
@@ -26,10 +27,13 @@ mod yarn_warnings;
 mod yarns;
 
 use crate::Draft;
+use crate::Error;
 use crate::closure::Closure;
 use crate::curve_file::PolyCurve;
 use crate::dye::Dye;
+use crate::felt::nap_mm;
 use crate::knit::Knit;
+use crate::openings::Openings;
 use crate::path::{Hermite, Path};
 use crate::pile::Tufts;
 use crate::section::ThreadSection;
@@ -38,6 +42,7 @@ use crate::sway::Sway;
 use crate::yarn::Yarn;
 use glam::{DVec3, Vec3};
 use organza_basis::{Rgb, Segment, SegmentSource, Tile};
+use pills::Pill;
 use spun::Spun;
 use std::sync::Arc;
 use wear::Wear;
@@ -46,6 +51,7 @@ pub use borders::BorderGaps;
 pub use build::Loader;
 pub use figures::{Figures, NonwovenFigures, OpenworkFigures, PileFigures, SystemFigures};
 pub use irregularity::{Irregularity, SystemIrregularity};
+pub use pills::PillSpec;
 pub use ply_strands::{Plies, PlyStrand};
 use print::Print;
 pub use print::{PrintImage, PrintMode, PrintSide, PrintSpec};
@@ -122,6 +128,10 @@ pub struct Cloth {
     tile: Tile,
     print: Option<Arc<Print>>,
     wear: Option<Arc<Wear>>,
+    /// Balls of fibre on the faces.
+    pills: Arc<[Pill]>,
+    /// Where the yarns are not, if any is fulled.
+    openings: Option<Arc<Openings>>,
     seed: u64,
     compaction: f64,
     compression: f64,
@@ -151,7 +161,8 @@ impl Cloth {
     }
 
     /// The curves of one level; one batch per thread, warp before weft,
-    /// courses from the bottom up, then one per column of loops or tuft of the pile.
+    /// courses from the bottom up, then one per column of loops or tuft of the pile, then one per
+    /// pill.
     pub fn curves(&self, level: CurveLevel) -> Curves<'_> {
         Curves { cloth: self, level }
     }
@@ -161,11 +172,13 @@ impl Cloth {
         self.print.is_some() || self.wear.is_some()
     }
 
-    /// A segment with the colours of its places: first of the print, then of the wear.
+    /// A segment with the colours of its places: first of the print, then of the wear. The fibres
+    /// of pills come from where nothing was rubbed off yet.
     fn emit_recoloured(&self, segment: &Segment, emit: &mut dyn FnMut(&Segment)) {
+        let is_of_thread = (segment.yarn as usize) < self.threads.len();
         let mut rub = |s: &Segment| match &self.wear {
-            Some(wear) => wear.rub(s, emit),
-            None => emit(s),
+            Some(wear) if is_of_thread => wear.rub(s, emit),
+            _ => emit(s),
         };
         match &self.print {
             Some(print) => print.dye(segment, &mut rub),
@@ -173,9 +186,41 @@ impl Cloth {
         }
     }
 
+    /// Threads and tufts.
+    fn whole_batches(&self) -> usize {
+        self.threads.len() + self.tufts().map_or(0, |t| t.tufts.len())
+    }
+
     /// The tufts of cut pile.
     fn tufts(&self) -> Option<&Tufts> {
         self.pile.as_ref()?.tufts.as_deref()
+    }
+
+    /// Finds the openings between the yarns, if any is fulled.
+    fn full(&mut self) -> Result<(), Error> {
+        let naps_mm = self.yarns.iter().map(|y| nap_mm(y));
+        let nap_mm = naps_mm.fold(0.0, f64::max);
+        if nap_mm == 0.0 {
+            return Ok(());
+        }
+        if !self.tile.repeats {
+            let fulled = self.yarns.iter().find(|y| y.fulling > 0.0);
+            let name = fulled.map_or("", |y| &y.name);
+            let message = "expected a cloth that repeats, as weaves and knits do";
+            return Err(Error::spec(format!("yarn.{name}.fulling"), message));
+        }
+        let openings = Openings::new(self.tile, &|visit| {
+            for (batch, thread) in self.threads.iter().enumerate() {
+                let path = self.path(thread, CurveLevel::Yarn);
+                visit(&self.strand(batch, &path));
+            }
+        });
+        let [low, high] = openings.faces_mm;
+        let bounds = &mut self.tile.bounds_mm;
+        bounds.min.z = bounds.min.z.min(((low - nap_mm) as f32).next_down());
+        bounds.max.z = bounds.max.z.max(((high + nap_mm) as f32).next_up());
+        self.openings = Some(Arc::new(openings));
+        Ok(())
     }
 
     /// A thread's centreline in steps short enough for a level.
@@ -235,6 +280,7 @@ impl Cloth {
             profile,
             dye: &thread.dye,
             section: &thread.section,
+            openings: self.openings.as_deref().filter(|_| yarn.fulling > 0.0),
             seed: (self.seed, batch as u64),
             template: Segment {
                 yarn: batch as u32,
@@ -329,6 +375,13 @@ impl Curves<'_> {
     /// The segments of a thread, without the print.
     fn emit_plain(&self, batch: usize, emit: &mut dyn FnMut(&Segment)) {
         let threads = self.cloth.threads.len();
+        if let Some(pill) = batch.checked_sub(self.cloth.whole_batches()) {
+            // Pills are neither yarns nor plies.
+            if self.level == CurveLevel::Fibre {
+                self.cloth.emit_pill(&self.cloth.pills[pill], batch, emit);
+            }
+            return;
+        }
         if let Some((tufts, tuft)) = self.cloth.tufts().zip(batch.checked_sub(threads)) {
             let as_fibres = self.level == CurveLevel::Fibre;
             tufts.emit(tuft, as_fibres, (self.cloth.seed, batch), emit);
@@ -363,7 +416,7 @@ impl SegmentSource for Cloth {
     }
 
     fn batch_count(&self) -> usize {
-        self.threads.len() + self.tufts().map_or(0, |t| t.tufts.len())
+        self.whole_batches() + self.pills.len()
     }
 
     fn for_each_in_batch(&self, batch: usize, emit: &mut dyn FnMut(&Segment)) {

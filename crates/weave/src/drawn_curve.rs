@@ -62,6 +62,27 @@ impl Strand<'_> {
         self.emit_curve(fibre, steps, point, look, emit)
     }
 
+    /// A curve through given points, two at least; its ends are continued by reflection. Returns the
+    /// number after the last.
+    pub fn emit_points(
+        &self,
+        fibre: u32,
+        points: &[DVec3],
+        look: impl Fn(isize) -> Look,
+        emit: &mut dyn FnMut(&Segment),
+    ) -> u32 {
+        let last = points.len() - 1;
+        let point = |i: isize| {
+            let at = match usize::try_from(i) {
+                Ok(i) if i <= last => points[i],
+                Ok(_) => 2.0 * points[last] - points[last - 1],
+                Err(_) => 2.0 * points[0] - points[1],
+            };
+            (at, ())
+        };
+        self.emit_curve(fibre, last as isize, point, |i, ()| look(i), emit)
+    }
+
     /// A curve through the points 0 to `steps`; the points before and after give the tangents
     /// at its ends. A tangent is the direction of the chord over two steps, which needs no
     /// derivative of the frame and is continuous across the border of the tile. Where the

@@ -17,7 +17,15 @@ pub(crate) type IndexOf<'a> = dyn FnMut(Option<Rgb>, Option<&FibrePart>) -> Resu
 
 /// The materials of one thread.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Dye {
+pub(crate) struct Dye {
+    fibres: Colouring,
+    /// Those of neps that have colours of their own, alike in number.
+    neps: Vec<u16>,
+}
+
+/// The materials of the fibres of a thread.
+#[derive(Clone, Debug, PartialEq)]
+enum Colouring {
     /// All fibres alike.
     Even(u16),
     /// By distance from the yarn's centre, from the core outwards.
@@ -27,54 +35,54 @@ pub(crate) enum Dye {
 }
 
 impl Dye {
+    /// One material for everything.
+    pub fn even(material: u16) -> Dye {
+        Dye {
+            fibres: Colouring::Even(material),
+            neps: Vec::new(),
+        }
+    }
+
     /// The dye of a thread of some colour. `index` gets the part of the blend only if the parts
     /// differ by more than colour.
     pub fn new(yarn: &Yarn, colour: Option<Rgb>, index: &mut IndexOf<'_>) -> Result<Dye, Error> {
-        if let Some(ring) = yarn.ring_dye {
-            let outer = colour.unwrap_or(UNDYED);
-            let mut shells = [0; SHELLS];
-            for (i, shell) in shells.iter_mut().enumerate() {
-                let radius = (i as f64 + 0.5) / SHELLS as f64;
-                let dyed = smooth_step((radius - (1.0 - ring.depth) + FADE) / (2.0 * FADE)) as f32;
-                let mixed = ring.core_colour.0.lerp(outer.0, dyed);
-                *shell = index(Some(Rgb(mixed)), None)?;
-            }
-            return Ok(Dye::Ring(shells));
-        }
-        if yarn.blend.is_empty() {
-            return Ok(Dye::Even(index(colour, None)?));
-        }
-        let mut up_to = 0.0;
-        let parts = yarn.blend.iter().map(|part| {
-            up_to += part.share;
-            let of_its_own = yarn.blends_materials.then_some(part);
-            Ok((up_to, index(part.colour.or(colour), of_its_own)?))
-        });
-        Ok(Dye::Blend(parts.collect::<Result<_, Error>>()?))
+        let fibres = Colouring::new(yarn, colour, index)?;
+        let neps = yarn.neps.iter().flat_map(|n| &n.colours);
+        let neps = neps.map(|colour| index(Some(*colour), None));
+        Ok(Dye {
+            fibres,
+            neps: neps.collect::<Result<_, Error>>()?,
+        })
+    }
+
+    /// The material of a nep at random; `None` for that of any fibre of the yarn.
+    pub fn of_nep(&self, rng: &mut PathRng) -> Option<u16> {
+        let count = self.neps.len() as u32;
+        (count > 0).then(|| self.neps[rng.below(count) as usize])
     }
 
     /// The material that stands for the thread: its outermost, or the first of a blend.
     pub fn main(&self) -> u16 {
-        match self {
-            Dye::Even(material) => *material,
-            Dye::Ring(shells) => shells[SHELLS - 1],
-            Dye::Blend(parts) => parts[0].1,
+        match &self.fibres {
+            Colouring::Even(material) => *material,
+            Colouring::Ring(shells) => shells[SHELLS - 1],
+            Colouring::Blend(parts) => parts[0].1,
         }
     }
 
     /// The dye of the fibres of a part of the blend.
     pub fn of_part(&self, part: usize) -> FibreDye {
-        match self {
-            Dye::Blend(parts) => FibreDye::Even(parts[part].1),
-            Dye::Even(material) => FibreDye::Even(*material),
-            Dye::Ring(shells) => FibreDye::Ring(*shells),
+        match &self.fibres {
+            Colouring::Blend(parts) => FibreDye::Even(parts[part].1),
+            Colouring::Even(material) => FibreDye::Even(*material),
+            Colouring::Ring(shells) => FibreDye::Ring(*shells),
         }
     }
 
     /// The material of a random number from 0 to 1.
     fn drawn(&self, u: f64) -> u16 {
-        match self {
-            Dye::Blend(parts) => {
+        match &self.fibres {
+            Colouring::Blend(parts) => {
                 let part = parts.iter().find(|part| u < part.0);
                 part.map_or(self.main(), |part| part.1)
             }
@@ -84,11 +92,37 @@ impl Dye {
 
     /// The dye of one fibre at random.
     pub fn of_fibre(&self, rng: &mut PathRng) -> FibreDye {
-        match self {
-            Dye::Even(material) => FibreDye::Even(*material),
-            Dye::Ring(shells) => FibreDye::Ring(*shells),
-            Dye::Blend(_) => FibreDye::Even(self.drawn(f64::from(rng.unit()))),
+        match &self.fibres {
+            Colouring::Even(material) => FibreDye::Even(*material),
+            Colouring::Ring(shells) => FibreDye::Ring(*shells),
+            Colouring::Blend(_) => FibreDye::Even(self.drawn(f64::from(rng.unit()))),
         }
+    }
+}
+
+impl Colouring {
+    fn new(yarn: &Yarn, colour: Option<Rgb>, index: &mut IndexOf<'_>) -> Result<Colouring, Error> {
+        if let Some(ring) = yarn.ring_dye {
+            let outer = colour.unwrap_or(UNDYED);
+            let mut shells = [0; SHELLS];
+            for (i, shell) in shells.iter_mut().enumerate() {
+                let radius = (i as f64 + 0.5) / SHELLS as f64;
+                let dyed = smooth_step((radius - (1.0 - ring.depth) + FADE) / (2.0 * FADE)) as f32;
+                let mixed = ring.core_colour.0.lerp(outer.0, dyed);
+                *shell = index(Some(Rgb(mixed)), None)?;
+            }
+            return Ok(Colouring::Ring(shells));
+        }
+        if yarn.blend.is_empty() {
+            return Ok(Colouring::Even(index(colour, None)?));
+        }
+        let mut up_to = 0.0;
+        let parts = yarn.blend.iter().map(|part| {
+            up_to += part.share;
+            let of_its_own = yarn.blends_materials.then_some(part);
+            Ok((up_to, index(part.colour.or(colour), of_its_own)?))
+        });
+        Ok(Colouring::Blend(parts.collect::<Result<_, Error>>()?))
     }
 }
 

@@ -8,11 +8,10 @@ use organza_basis::{PathRng, Segment};
 use std::f64::consts::TAU;
 
 impl Strand<'_> {
-    /// The hairs, numbered from `first`.
-    pub fn emit_hairs(&self, first: u32, emit: &mut dyn FnMut(&Segment)) {
+    /// The hairs, numbered from `first`. Returns the number after the last.
+    pub fn emit_hairs(&self, first: u32, emit: &mut dyn FnMut(&Segment)) -> u32 {
         if let Some(hairiness) = &self.yarn.hairiness {
-            protrude(self, hairiness, first, &mut self.rng(HAIR), emit);
-            return;
+            return protrude(self, hairiness, first, &mut self.rng(HAIR), emit);
         }
         let length = self.path.length_mm();
         let expected = self.yarn.hairs.per_mm * length;
@@ -27,6 +26,7 @@ impl Strand<'_> {
                 id += 1;
             }
         }
+        id
     }
 
     /// One hair. It begins inside the ply: its line is extended towards the axis, by at most

@@ -36,6 +36,7 @@
 pub mod blend;
 mod closure;
 mod cloth;
+mod clump;
 pub mod colour_list;
 mod crimp;
 pub mod curve_file;
@@ -44,6 +45,7 @@ mod drawn_curve;
 mod dye;
 mod error;
 mod evenness;
+mod felt;
 mod fit;
 mod hairs;
 mod ini;
@@ -51,6 +53,8 @@ mod knit;
 mod layers;
 mod lockstitch;
 mod named;
+mod neps;
+mod openings;
 mod openwork;
 mod palette;
 mod path;
@@ -77,8 +81,8 @@ mod yarn;
 
 pub use cloth::{
     BorderGaps, Cloth, CurveLevel, Curves, Figures, Irregularity, Loader, Material,
-    NonwovenFigures, OpenworkFigures, PileFigures, Plies, PlyStrand, PrintImage, PrintMode,
-    PrintSide, PrintSpec, SystemFigures, SystemIrregularity, WearSpec,
+    NonwovenFigures, OpenworkFigures, PileFigures, PillSpec, Plies, PlyStrand, PrintImage,
+    PrintMode, PrintSide, PrintSpec, SystemFigures, SystemIrregularity, WearSpec,
 };
 pub use draft::{Draft, Thread};
 pub use error::Error;

@@ -7,6 +7,7 @@
 //! counts, so that the yarn has the hairiness that was asked for.
 
 use crate::drawn_curve::Look;
+use crate::neps;
 use crate::spec::HairinessSpec;
 use crate::strand::{Strand, any_fibre, unit};
 use crate::yarn::Yarn;
@@ -32,17 +33,20 @@ const LEAD: f64 = 3.0;
 /// Upper bound of the distance that protruding fibres reach from the yarn in any direction.
 pub(crate) fn longest_protruding_mm(yarn: &Yarn) -> f64 {
     let longest = |h: HairinessSpec| MAX_DETOUR * MAX_LENGTHS * h.length_mm;
-    yarn.hairiness.map_or(0.0, longest)
+    yarn.hairiness
+        .map_or(0.0, longest)
+        .max(neps::reach_mm(yarn))
 }
 
-/// Emits the protruding fibres of a strand, numbered from `first`.
+/// Emits the protruding fibres of a strand, numbered from `first`. Returns the number after the
+/// last.
 pub(crate) fn protrude(
     strand: &Strand,
     hairiness: &HairinessSpec,
     first: u32,
     rng: &mut PathRng,
     emit: &mut dyn FnMut(&Segment),
-) {
+) -> u32 {
     let mean_mm = hairiness.length_mm / (1.0 - (-MAX_LENGTHS).exp());
     let expected = hairiness.index * strand.path.length_mm() / hairiness.length_mm;
     // The mean is the expected number, even where that is below one.
@@ -55,15 +59,7 @@ pub(crate) fn protrude(
         let material = dye.at(|| 1.0);
         let curve = grow(strand, hairiness, &faces, length_mm, rng);
         let last = curve.len() as isize - 1;
-        let point = |i: isize| {
-            let at = match usize::try_from(i) {
-                Ok(i) if i < curve.len() => curve[i],
-                Ok(_) => 2.0 * curve[last as usize] - curve[last as usize - 1],
-                Err(_) => 2.0 * curve[0] - curve[1],
-            };
-            (at, ())
-        };
-        let look = |i: isize, ()| {
+        let look = |i: isize| {
             let to_tip = (last - i) as f64 / (TIP * last as f64);
             let tapered = TIP_RADIUS + (1.0 - TIP_RADIUS) * to_tip.min(1.0);
             Look {
@@ -71,8 +67,9 @@ pub(crate) fn protrude(
                 material,
             }
         };
-        id = strand.emit_curve(id, last, point, look, emit);
+        id = strand.emit_points(id, &curve, look, emit);
     }
+    id
 }
 
 /// The faces of a yarn: the lowest and highest place of its surface, and how far beyond fibres
@@ -149,6 +146,36 @@ impl Beside<'_> {
     }
 }
 
+/// The part of a fibre inside its ply, which rises to the surface along the twist.
+pub(crate) struct Root {
+    pub ply: u32,
+    /// Where it comes to the surface: along the yarn, and around the ply.
+    pub arc_mm: f64,
+    pub phase_rad: f64,
+    /// 1 along the yarn, -1 against it.
+    pub along: f64,
+    /// Length along the yarn.
+    pub length_mm: f64,
+}
+
+impl Root {
+    pub fn points(&self, strand: &Strand, steps: usize) -> Vec<DVec3> {
+        let (yarn, path) = (strand.yarn, strand.path);
+        let ply_phase = strand.ply_phase();
+        let point = |i: usize| {
+            let t = i as f64 / steps as f64;
+            let arc = self.arc_mm - self.along * self.length_mm * (1.0 - t);
+            let s = arc / path.length_mm();
+            let radius = yarn.ply_radius_mm * (ROOT_DEPTH + (1.0 - ROOT_DEPTH) * t);
+            let angle = self.phase_rad + (arc - self.arc_mm) * yarn.twist_rad_per_mm;
+            let offset =
+                strand.ply_centre(self.ply, ply_phase, s) + radius * DVec2::from_angle(angle);
+            path.at_arc(arc, strand.scale(s) * strand.section.at(s) * offset)
+        };
+        (0..=steps).map(point).collect()
+    }
+}
+
 /// The points of one fibre, from its root inside the yarn to its tip.
 fn grow(
     strand: &Strand,
@@ -175,19 +202,16 @@ fn grow(
         .max(yarn.fibre_radius_mm);
 
     // The root rises to the surface along the twist.
-    let ply_phase = strand.ply_phase();
     let root_mm = ROOT_RADII * yarn.ply_radius_mm;
     let roots = (root_mm / step_mm).ceil().clamp(2.0, 64.0) as usize;
-    let root = |i: usize| {
-        let t = i as f64 / roots as f64;
-        let arc = arc_mm - along * root_mm * (1.0 - t);
-        let s = arc / path.length_mm();
-        let radius = yarn.ply_radius_mm * (ROOT_DEPTH + (1.0 - ROOT_DEPTH) * t);
-        let angle = phase + (arc - arc_mm) * yarn.twist_rad_per_mm;
-        let offset = strand.ply_centre(ply, ply_phase, s) + radius * DVec2::from_angle(angle);
-        path.at_arc(arc, strand.scale(s) * strand.section.at(s) * offset)
+    let root = Root {
+        ply,
+        arc_mm,
+        phase_rad: phase,
+        along,
+        length_mm: root_mm,
     };
-    let mut curve: Vec<DVec3> = (0..=roots).map(root).collect();
+    let mut curve = root.points(strand, roots);
 
     let mut at = curve[roots];
     let mut direction = (at - curve[roots - 1]).normalize_or(DVec3::X);

@@ -6,7 +6,8 @@ mod pile;
 
 pub use irregularity::{
     BlendSpec, BlendTuftSpec, CrimpShape, CrimpSpec, DraftingWaveSpec, EvennessSpec,
-    FlatteningSpec, HairinessSpec, ReedSpec, RingDyeSpec, SlubSpec, ThreadWanderSpec, WanderSpec,
+    FlatteningSpec, HairinessSpec, NepSpec, ReedSpec, RingDyeSpec, SlubSpec, ThreadWanderSpec,
+    WanderSpec,
 };
 pub use nonwoven::{BondingSpec, NeedledSides, NeedlingSpec, NonwovenSpec};
 pub use pile::{PileKind, PileSides, PileSpec};
@@ -56,17 +57,19 @@ pub struct FabricGeometry {
 
 impl FabricGeometry {
     /// The same cloth of even threads at even distances: without `irregularity`, `finish`,
-    /// `evenness`, `drafting_waves`, `slubs`, `fibre_radius_cv_percent`, `wander`, `crimp`, `hairiness`, `flattening`,
-    /// `spacing_cv_percent`, `reed_dents` and the variation of the pile's height and lean. Hairs
-    /// and loops, migration and colours stay.
+    /// `fulling`, `evenness`, `drafting_waves`, `slubs`, `neps`, `fibre_radius_cv_percent`,
+    /// `wander`, `crimp`, `hairiness`, `flattening`, `spacing_cv_percent`, `reed_dents` and the
+    /// variation of the pile's height and lean. Hairs and loops, migration and colours stay.
     pub fn without_irregularity(&self) -> FabricGeometry {
         let mut out = self.clone();
         for yarn in out.yarn.values_mut() {
             yarn.irregularity = None;
             yarn.finish = Vec::new();
+            yarn.fulling = None;
             yarn.evenness = None;
             yarn.drafting_waves = None;
             yarn.slubs = None;
+            yarn.neps = None;
             yarn.fibre_radius_cv_percent = None;
             for part in &mut yarn.blend {
                 part.fibre_radius_cv_percent = None;
@@ -234,12 +237,18 @@ pub struct YarnSpec {
         skip_serializing_if = "Vec::is_empty"
     )]
     pub finish: Vec<String>,
+    /// How far it was fulled in the cloth, 0 to 1: fibres leave the yarn and lie in the openings.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fulling: Option<f64>,
     /// Mass that varies along the yarn.
     pub evenness: Option<EvennessSpec>,
     /// Share of that variation that recurs at a wavelength.
     pub drafting_waves: Option<DraftingWaveSpec>,
     /// Short thick places.
     pub slubs: Option<SlubSpec>,
+    /// Small clumps of entangled fibre.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub neps: Option<NepSpec>,
     /// Coefficient of variation of the fibres' radii, per cent, 0 to 50. `fibre_radius_um` is
     /// then their root mean square.
     pub fibre_radius_cv_percent: Option<f64>,

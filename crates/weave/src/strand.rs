@@ -7,6 +7,9 @@ use crate::crimp::Crimp;
 use crate::drawn_curve::Look;
 use crate::dye::{Dye, FibreDye, TuftsOfFibre, unit_of};
 use crate::evenness::{MOST, Profile};
+use crate::felt::Sorter;
+use crate::neps;
+use crate::openings::Openings;
 use crate::path::Path;
 use crate::push_apart::{Bundle, FibrePlace, FibreShifts, ROUNDS, ROUNDS_OF_CRIMPED};
 use crate::section::ThreadSection;
@@ -15,6 +18,7 @@ use crate::wander::Wander;
 use crate::yarn::Yarn;
 use glam::DVec2;
 use organza_basis::{PathRng, Segment, mix64};
+use std::cell::Cell;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Random directions tried per fibre; the one with the most room is taken.
@@ -26,7 +30,7 @@ const MIN_RADIUS: f64 = 0.3;
 /// Length over which a fibre's end tapers, fibre radii (estimated).
 const TAPER_RADII: f64 = 12.0;
 /// Length of a fibre, millimetres, where the yarn does not give it.
-const FIBRE_LENGTH_MM: f64 = 28.0;
+pub(crate) const FIBRE_LENGTH_MM: f64 = 28.0;
 /// Turns of the section over a period that wandering adds to the stations at most.
 const MAX_WANDER_TURNS: f64 = 1e4;
 /// Factor on the measured deviations of hairs; [`LOOP_SCALE`] is that of loops.
@@ -47,6 +51,8 @@ pub(crate) struct Strand<'a> {
     /// Mass along the period; `None` for an even yarn.
     pub profile: Option<&'a Profile>,
     pub dye: &'a Dye,
+    /// Where fibres of fulled yarn go; `None` of other yarn.
+    pub openings: Option<&'a Openings>,
 }
 
 /// A fibre before it is wound through the tile.
@@ -80,7 +86,7 @@ pub(crate) const HAIR: u64 = 3 << 40;
 const BLEND: u64 = 10 << 40;
 
 impl Strand<'_> {
-    /// All fibres, then all hairs.
+    /// All fibres, then all hairs, then all neps.
     pub fn emit_fibres(&self, emit: &mut dyn FnMut(&Segment)) {
         let orbits = self.yarn.plies / self.closure.visited;
         let fibres: Vec<Fibre> = (0..orbits).flat_map(|o| self.fibres(o)).collect();
@@ -89,25 +95,45 @@ impl Strand<'_> {
         let windings = self.closure.windings();
         let mut id = 0;
         for (i, fibre) in fibres.iter().enumerate() {
+            let mut sorter = self.openings.map(|openings| {
+                let out = self.out(self.yarn.fulling, i as u64);
+                (openings, Sorter::new(out, fibre.fibre_radius_mm))
+            });
             for winding in 0..windings {
                 let place = |s: f64| {
                     let run = self.run(winding, s);
                     let shift = shifts.as_ref().map_or(DVec2::ZERO, |all| all.at(i, run));
                     self.place(fibre, winding, ply_phase, s).shifted(shift)
                 };
-                let look = |s: f64, place: DVec2| Look {
-                    radius_mm: self.radius_mm(fibre, winding, s),
-                    material: match &fibre.tufts {
-                        Some(tufts) => tufts.at(self.dye, self.run(winding, s)),
-                        None => fibre
-                            .dye
-                            .at(|| place.length() / (self.scale(s) * self.yarn.radius_mm())),
-                    },
+                let share = Cell::new(0.0);
+                let look = |s: f64, place: DVec2| {
+                    share.set(s);
+                    Look {
+                        radius_mm: self.radius_mm(fibre, winding, s),
+                        material: match &fibre.tufts {
+                            Some(tufts) => tufts.at(self.dye, self.run(winding, s)),
+                            None => fibre
+                                .dye
+                                .at(|| place.length() / (self.scale(s) * self.yarn.radius_mm())),
+                        },
+                    }
                 };
-                id = self.emit_period(id, place, look, emit);
+                id = match &mut sorter {
+                    None => self.emit_period(id, place, look, emit),
+                    Some((_, sorter)) => {
+                        let next = self.emit_period(id, place, look, &mut |s| {
+                            sorter.sort(self.run(winding, share.get()), s, emit);
+                        });
+                        next + sorter.take_cuts()
+                    }
+                };
+            }
+            if let Some((openings, sorter)) = sorter {
+                id = self.emit_felt(openings, sorter, (i as u64, id), emit);
             }
         }
-        self.emit_hairs(id, emit);
+        let id = self.emit_hairs(id, emit);
+        self.emit_neps(id, emit);
     }
 
     /// Pushes fibres apart that would overlap.
@@ -472,7 +498,8 @@ pub(crate) fn thickest_fibre_mm(yarn: &Yarn) -> f64 {
     each.fold(0.0, f64::max)
 }
 
-/// Upper bound of the distance of protruding fibres from the faces of the yarn.
+/// Upper bound of the distance of protruding fibres and of neps from the faces of the yarn.
 pub(crate) fn protruding_mm(yarn: &Yarn) -> f64 {
-    yarn.hairiness.map_or(0.0, |h| h.reach_mm)
+    let hairs_mm = yarn.hairiness.map_or(0.0, |h| h.reach_mm);
+    hairs_mm.max(neps::reach_mm(yarn))
 }

@@ -121,18 +121,23 @@ pub(crate) fn lattice(size_mm: DVec2, per_mm2: f64, jitter: f64, rng: &mut PathR
 
 /// Cells of the plane, which repeats, as wide as a distance or wider.
 #[derive(Clone, Copy, Debug)]
-struct Cells {
+pub(crate) struct Cells {
     size_mm: DVec2,
     counts: [usize; 2],
 }
 
 impl Cells {
-    fn new(size_mm: DVec2, reach_mm: f64) -> Cells {
+    pub fn new(size_mm: DVec2, reach_mm: f64) -> Cells {
         let count = |size: f64| ((size / reach_mm) as usize).clamp(1, 1024);
         Cells {
             size_mm,
             counts: [count(size_mm.x), count(size_mm.y)],
         }
+    }
+
+    /// Number of cells.
+    pub fn count(self) -> usize {
+        self.counts[0] * self.counts[1]
     }
 
     fn column_and_row(self, at: DVec2) -> [usize; 2] {
@@ -143,13 +148,13 @@ impl Cells {
         [x % nx, y % ny]
     }
 
-    fn index(self, at: DVec2) -> usize {
+    pub fn index(self, at: DVec2) -> usize {
         let [x, y] = self.column_and_row(at);
         y * self.counts[0] + x
     }
 
     /// The cells around a place, each once.
-    fn around(self, at: DVec2) -> Vec<usize> {
+    pub fn around(self, at: DVec2) -> Vec<usize> {
         let [nx, ny] = self.counts;
         let [x, y] = self.column_and_row(at);
         let mut cells: Vec<usize> = (0..9)
@@ -177,7 +182,7 @@ struct Points {
 impl Points {
     fn new(fibres: &[Vec<DVec3>], size_mm: DVec2, reach_mm: f64) -> Points {
         let cells = Cells::new(size_mm, reach_mm);
-        let mut of_cell = vec![Vec::new(); cells.counts.iter().product()];
+        let mut of_cell = vec![Vec::new(); cells.count()];
         for (f, line) in fibres.iter().enumerate() {
             for (p, at) in line.iter().enumerate() {
                 of_cell[cells.index(at.truncate())].push((f as u32, p as u32));
@@ -330,7 +335,7 @@ impl Bonding {
         let radius_mm = (share * size_mm.x * size_mm.y / (PI * middles.len() as f64)).sqrt();
         // The cloth thins over half of the edge outside of the radius; the cells are wider.
         let cells = Cells::new(size_mm, (1.0 + BOND_EDGE) * radius_mm);
-        let mut of_cell = vec![Vec::new(); cells.counts.iter().product()];
+        let mut of_cell = vec![Vec::new(); cells.count()];
         for middle in middles {
             of_cell[cells.index(*middle)].push(*middle);
         }

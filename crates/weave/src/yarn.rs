@@ -8,7 +8,7 @@ use crate::error::did_you_mean;
 use crate::preset;
 use crate::spec::{
     BlendTuftSpec, CrimpSpec, CrossSectionSpec, DraftingWaveSpec, EvennessSpec, FlatteningSpec,
-    HairinessSpec, MigrationSpec, RingDyeSpec, SlubSpec, WanderSpec, YarnKind, YarnSpec,
+    HairinessSpec, MigrationSpec, NepSpec, RingDyeSpec, SlubSpec, WanderSpec, YarnKind, YarnSpec,
 };
 use complete_spec::CompleteSpec;
 use std::collections::BTreeMap;
@@ -60,12 +60,16 @@ pub struct Yarn {
     pub irregularity: Option<String>,
     /// How it was finished.
     pub finish: Vec<String>,
+    /// How far it was fulled, 0 to 1.
+    pub fulling: f64,
     /// Variation of the mass along the yarn, if any.
     pub evenness: Option<EvennessSpec>,
     /// Waves in that variation, if any, with their length; only with `evenness`.
     pub drafting_waves: Option<DraftingWaveSpec>,
     /// Thick places, if any.
     pub slubs: Option<SlubSpec>,
+    /// Small clumps of entangled fibre, if any.
+    pub neps: Option<NepSpec>,
     /// Coefficient of variation of the fibres' radii.
     pub fibre_radius_cv: f64,
     /// Random wandering of the fibres, if any.

@@ -91,6 +91,7 @@ impl Cloth {
         if let Some(spec) = &fabric.pile {
             pile::raise(&mut cloth, fabric, spec, seed)?;
         }
+        cloth.full()?;
         cloth.warn_of_yarns();
         Ok(cloth)
     }
@@ -318,6 +319,8 @@ pub(super) fn weave(
         seed: 0,
         print: None,
         wear: None,
+        pills: Arc::default(),
+        openings: None,
         compaction: fitted.compaction,
         compression: rest.relaxed.compression,
         warnings,
@@ -433,6 +436,8 @@ fn knitted(fabric: &FabricGeometry, name: &str, seed: u64) -> Result<Cloth, Erro
         seed: 0,
         print: None,
         wear: None,
+        pills: Arc::default(),
+        openings: None,
         compaction: 1.0,
         compression: 0.0,
         warnings: Vec::new(),

@@ -82,16 +82,18 @@ impl Cloth {
                 figures.replaced_windows, figures.windows, figures.replaced_crossings
             ));
         }
+        cloth.full()?;
         cloth.warn_of_yarns();
         for thread in &cloth.threads {
             let yarn = &*thread.spun.yarn;
             let several = |n: usize| n > 1;
-            let dyed = yarn.ring_dye.is_some() || !yarn.blend.is_empty();
+            let flecked = yarn.neps.as_ref().is_some_and(|n| !n.colours.is_empty());
+            let dyed = yarn.ring_dye.is_some() || !yarn.blend.is_empty() || flecked;
             if dyed
                 && (several(synthesis.warp_colours.len()) || several(synthesis.weft_colours.len()))
             {
-                let message = "ring_dye and blend do not go with threads of several colours in a \
-                               cloth of blocks";
+                let message = "ring_dye, blend and neps of other colours do not go with threads of \
+                               several colours in a cloth of blocks";
                 return Err(Error::spec(format!("yarn.{}", yarn.name), message));
             }
         }

@@ -106,6 +106,8 @@ pub(super) fn imported(
         seed: 0,
         print: None,
         wear: None,
+        pills: std::sync::Arc::default(),
+        openings: None,
         compaction: 1.0,
         compression: 0.0,
         warnings: Vec::new(),

@@ -320,7 +320,7 @@ fn cloth(
             }),
             yarn: index,
             spun: Spun::even(yarn),
-            dye: Dye::Even(material),
+            dye: Dye::even(material),
             section: ThreadSection::even(DVec2::ONE),
         });
     }
@@ -343,6 +343,8 @@ fn cloth(
         seed,
         print: None,
         wear: None,
+        pills: Arc::default(),
+        openings: None,
         compaction: 1.0,
         compression: 0.0,
         warnings: Vec::new(),

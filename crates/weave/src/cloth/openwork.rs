@@ -95,6 +95,8 @@ pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> 
         seed: 0,
         print: None,
         wear: None,
+        pills: Arc::default(),
+        openings: None,
         compaction: 1.0,
         compression: 0.0,
         warnings: Vec::new(),

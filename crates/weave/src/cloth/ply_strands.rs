@@ -177,11 +177,19 @@ impl Plies<'_> {
             CurveLevel::Fibre
         };
         let path = self.cloth.path(thread, level);
-        let mut strand = self.cloth.strand(batch, &path);
+        let strand = self.cloth.strand(batch, &path);
         let whole_mm = self.ply_radius_mm(thread);
         let first = strand.emit_rings(rings, whole_mm, thread.section.area().sqrt(), emit);
-        strand.template.material += self.cloth.materials.len() as u16;
-        strand.emit_hairs(first, emit);
+        // Hairs of a thread have colours of its dye; straight ones that of the template.
+        let plies = self.cloth.materials.len() as u16;
+        let mut emit_hair = |s: &Segment| {
+            emit(&Segment {
+                material: s.material + plies,
+                ..*s
+            });
+        };
+        let first = strand.emit_hairs(first, &mut emit_hair);
+        strand.emit_neps(first, &mut emit_hair);
     }
 }
 
@@ -258,6 +266,12 @@ impl Plies<'_> {
         if self.cloth.pile.is_some() {
             return Some("pile");
         }
+        if !self.cloth.pills.is_empty() {
+            return Some("pills");
+        }
+        if self.cloth.openings.is_some() {
+            return Some("fulled yarns");
+        }
         if self.cloth.yarns.iter().any(|y| y.blends_materials) {
             return Some("blends of fibre materials");
         }
@@ -284,6 +298,34 @@ mod tests {
             let moment = squares / n + 0.5 / n;
             assert!((moment - 0.5).abs() < 2e-3, "{n}: {moment}");
         }
+    }
+
+    /// Whatever is no ply has a material of hairs, whether the yarn or the nep gives its colour.
+    #[test]
+    fn hairs_and_neps_have_the_materials_of_hairs() {
+        let text = "draft = { weave = \"plain\" }\nwarp = { per_cm = 14.0 }\n\
+                    weft = { per_cm = 14.0 }\ntile = { repeats = [4, 4] }\n[yarn.cotton]\n\
+                    hairiness = { index = 4.0, length_mm = 1.0, reach_mm = 0.3 }\n\
+                    neps = { per_m = 900.0, size_mm = [0.3, 0.0], colours = [[0.5, 0.1, 0.1]] }";
+        let geometry = toml::from_str(text).unwrap();
+        let no_files = |_: &str| Err(std::io::ErrorKind::NotFound.into());
+        let cloth = Cloth::build(&geometry, &no_files, 1).unwrap();
+        let plies = cloth.plies();
+        let strand_mm = plies.strands()[0].unwrap().radius_mm as f32;
+        let fibre_mm = cloth.yarns()[0].fibre_radius_mm as f32;
+        let count = cloth.materials().len();
+        let mut seen = vec![0; plies.material_count()];
+        for batch in 0..plies.batch_count() {
+            plies.for_each_in_batch(batch, &mut |s| {
+                let is_ply = usize::from(s.material) < count;
+                let near = if is_ply { strand_mm } else { fibre_mm };
+                assert!((s.start_radius_mm / near - 1.0).abs() < 0.7, "{s:?}");
+                seen[usize::from(s.material)] += 1;
+            });
+        }
+        // Plies of the yarn's colour, hairs of it, and neps of theirs.
+        assert!(count == 2 && seen[0] > 0 && seen[2] > 0 && seen[3] > 0);
+        assert_eq!(seen[1], 0, "no ply is a nep");
     }
 
     #[test]

@@ -1,9 +1,11 @@
 //! Cloth whose faces were rubbed: dye is lost where it stands out.
 
 use super::heights::Heights;
+use super::pills::{self, PillSpec};
 use super::recolour::{MAX_MATERIALS, recoloured};
 use super::{Cloth, PrintSide};
 use crate::Error;
+use crate::strand::thickest_fibre_mm;
 use glam::Vec3;
 use organza_basis::{Rgb, Segment};
 use serde::Deserialize;
@@ -16,20 +18,23 @@ const CROWNS: f32 = 0.9;
 /// Length of fibre, in depths of wear, over which its colour changes.
 const PART: f32 = 0.25;
 
-/// `[wear]`: rubbing that takes dye off the crowns of threads.
+/// `[wear]`: rubbing that takes dye off the crowns of threads, and entangles fibres.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct WearSpec {
-    /// Share of the dye that the highest places lose, 0 to 1.
-    pub amount: f64,
-    /// How far below them dye is lost, micrometres, 1 to 1e5: less, the deeper.
-    pub depth_um: f64,
+    /// Share of the dye that the highest places lose, 0 to 1; without pills it is required.
+    pub amount: Option<f64>,
+    /// How far below them dye is lost, micrometres, 1 to 1e5: less, the deeper. It goes with
+    /// `amount`.
+    pub depth_um: Option<f64>,
     /// Colour of the fibres without dye.
     #[serde(default = "undyed")]
     pub colour: Rgb,
     /// Which faces were rubbed.
     #[serde(default)]
     pub side: PrintSide,
+    /// Balls of entangled fibre, if any.
+    pub pills: Option<PillSpec>,
 }
 
 /// Cotton without dye.
@@ -48,35 +53,58 @@ pub(super) struct Wear {
 }
 
 impl Cloth {
-    /// Rubs the faces of the cloth: from now on its segments have the materials of the wear.
+    /// Rubs the faces of the cloth: from now on its segments have the materials of the wear, and
+    /// those of pills come after all others.
     ///
     /// # Errors
     /// The key of `[wear]` at fault.
     pub fn wear(&mut self, spec: &WearSpec) -> Result<(), Error> {
-        let number = |key: &str, value: f64, from: f64, to: f64| {
-            let message = || format!("expected a number from {from} to {to}, found {value}");
-            match (from..=to).contains(&value) {
-                true => Ok(()),
-                false => Err(Error::spec(format!("wear.{key}"), message())),
-            }
-        };
-        number("amount", spec.amount, 0.0, 1.0)?;
-        number("depth_um", spec.depth_um, 1.0, 1e5)?;
         for channel in spec.colour.0.to_array() {
             number("colour", f64::from(channel), 0.0, 1.0)?;
         }
+        let heights = Heights::of(self);
+        match (spec.amount, spec.depth_um, &spec.pills) {
+            (Some(amount), Some(depth_um), _) => self.rub(spec, [amount, depth_um], &heights)?,
+            (None, None, Some(_)) => {}
+            (amount, ..) => {
+                let key = amount.map_or("amount", |_| "depth_um");
+                let message = "is missing: give amount and depth_um, or pills alone";
+                return Err(Error::spec(format!("wear.{key}"), message));
+            }
+        }
+        if let Some(pills) = &spec.pills {
+            let pills = pills::pills(self, pills, spec.side, &heights)?;
+            let thickest = self.yarns.iter().map(|y| thickest_fibre_mm(y));
+            let beyond = 2.0 * thickest.fold(0.0, f64::max) as f32;
+            let bounds = &mut self.tile.bounds_mm;
+            for top in pills.iter().map(|p| p.top_mm() as f32) {
+                bounds.min.z = bounds.min.z.min(top - beyond);
+                bounds.max.z = bounds.max.z.max(top + beyond);
+            }
+            self.pills = pills.into();
+        }
+        Ok(())
+    }
+
+    /// Takes off a share of the dye down to a depth in micrometres.
+    fn rub(
+        &mut self,
+        spec: &WearSpec,
+        [amount, depth_um]: [f64; 2],
+        heights: &Heights,
+    ) -> Result<(), Error> {
+        number("amount", amount, 0.0, 1.0)?;
+        number("depth_um", depth_um, 1.0, 1e5)?;
         let plain = self.materials.len();
         if plain * (1 + SHADES) > MAX_MATERIALS {
             let most = MAX_MATERIALS / (1 + SHADES);
             let message = format!("expected a cloth of at most {most} colours, found {plain}");
             return Err(Error::spec("wear", message));
         }
-        let amount = spec.amount as f32;
         let materials = self.recolour(SHADES, |own, shade| {
-            let lost = amount * (shade + 1) as f32 / SHADES as f32;
+            let lost = amount as f32 * (shade + 1) as f32 / SHADES as f32;
             Rgb(own.0.lerp(spec.colour.0, lost))
         });
-        let heights = Heights::of(self);
         let rubbed = |is_back: bool| {
             let other = if is_back {
                 PrintSide::Face
@@ -87,10 +115,19 @@ impl Cloth {
         };
         self.wear = Some(std::sync::Arc::new(Wear {
             crowns_mm: [false, true].map(rubbed),
-            depth_mm: spec.depth_um as f32 * 1e-3,
+            depth_mm: depth_um as f32 * 1e-3,
             materials,
         }));
         Ok(())
+    }
+}
+
+/// Refuses a value out of range.
+fn number(key: &str, value: f64, from: f64, to: f64) -> Result<(), Error> {
+    let message = || format!("expected a number from {from} to {to}, found {value}");
+    match (from..=to).contains(&value) {
+        true => Ok(()),
+        false => Err(Error::spec(format!("wear.{key}"), message())),
     }
 }
 

@@ -43,7 +43,7 @@ fn quasi_periodic() -> f64 {
     0.2
 }
 
-/// Short thick places: slubs if they are centimetres long, neps if they are millimetres.
+/// Short thick places, centimetres long: more fibres side by side.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct SlubSpec {
@@ -54,6 +54,25 @@ pub struct SlubSpec {
     /// Mass per length in the middle of a slub, as a multiple of the yarn's, mean and standard
     /// deviation.
     pub mass: [f64; 2],
+}
+
+/// Neps: small clumps of entangled fibre that were spun into the yarn, on top of its own fibres.
+#[derive(Clone, Debug, Deserialize, Serialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct NepSpec {
+    /// Mean number per metre of yarn, 0 to 1e4; they lie at random. All together they are no
+    /// heavier than the yarn.
+    pub per_m: f64,
+    /// Diameter of the ball of the same volume, mean and standard deviation, millimetres.
+    pub size_mm: [f64; 2],
+    /// Linear colours, 0 to 1, of which each nep has one at random; those of the yarn's fibres
+    /// without them.
+    #[serde(
+        default,
+        deserialize_with = "crate::colour_list::deserialize",
+        skip_serializing_if = "Vec::is_empty"
+    )]
+    pub colours: Vec<Rgb>,
 }
 
 /// Fibres of one part of a blend that lie together, as tufts that carding left whole.

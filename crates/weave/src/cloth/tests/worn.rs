@@ -7,10 +7,11 @@ const PALE: Rgb = Rgb::new(0.9, 0.9, 0.9);
 
 fn spec() -> WearSpec {
     WearSpec {
-        amount: 1.0,
-        depth_um: 60.0,
+        amount: Some(1.0),
+        depth_um: Some(60.0),
         colour: PALE,
         side: PrintSide::Face,
+        pills: None,
     }
 }
 
@@ -53,7 +54,7 @@ fn crowns_lose_their_dye() {
     // As much fibre as before.
     let length = |all: &[(f32, f32, f32)]| all.iter().map(|p| p.2).sum::<f32>();
     let none = pieces(&worn(&WearSpec {
-        amount: 0.0,
+        amount: Some(0.0),
         ..spec()
     }));
     assert!((length(&all) / length(&none) - 1.0).abs() < 1e-3);
@@ -74,7 +75,7 @@ fn wear_that_is_none_is_refused() {
         cloth.wear(&spec).unwrap_err().to_string()
     };
     let much = refused(WearSpec {
-        amount: 1.5,
+        amount: Some(1.5),
         ..spec()
     });
     assert!(
@@ -82,7 +83,7 @@ fn wear_that_is_none_is_refused() {
         "{much}"
     );
     let shallow = refused(WearSpec {
-        depth_um: 0.0,
+        depth_um: Some(0.0),
         ..spec()
     });
     assert!(shallow.contains("wear.depth_um: expected"), "{shallow}");

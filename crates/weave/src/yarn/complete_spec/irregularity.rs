@@ -3,10 +3,11 @@
 use super::CompleteSpec;
 use crate::Error;
 use crate::error::did_you_mean;
+use crate::neps;
 use crate::spec::YarnSpec;
 use crate::spec::{
     BlendTuftSpec, CrimpSpec, DraftingWaveSpec, EvennessSpec, FlatteningSpec, HairinessSpec,
-    RingDyeSpec, SlubSpec, WanderSpec,
+    NepSpec, RingDyeSpec, SlubSpec, WanderSpec,
 };
 use crate::spinning::{FINISHES, NAMES};
 use organza_basis::Rgb;
@@ -85,6 +86,29 @@ impl CompleteSpec<'_> {
         self.number("slubs.mass[0]", Some(s.mass[0]), 0.4, 2.2)?;
         self.number("slubs.mass[1]", Some(s.mass[1]), 0.0, 1.0)?;
         Ok(Some(s).filter(|s| s.per_m > 0.0))
+    }
+
+    /// Neps in a yarn of which so much of the section is fibre.
+    pub(super) fn neps(&self, fibre_mm2: f64) -> Result<Option<NepSpec>, Error> {
+        let Some(n) = &self.spec.neps else {
+            return Ok(None);
+        };
+        self.number("neps.per_m", Some(n.per_m), 0.0, 1e4)?;
+        self.number("neps.size_mm[0]", Some(n.size_mm[0]), 0.05, 10.0)?;
+        self.number("neps.size_mm[1]", Some(n.size_mm[1]), 0.0, 10.0)?;
+        for (i, colour) in n.colours.iter().enumerate() {
+            self.colour(&format!("neps.colours[{i}]"), *colour)?;
+        }
+        let share = neps::fibre_mm2(n) / fibre_mm2;
+        if share > 1.0 {
+            let message = format!(
+                "neps of {} mm, {} per metre, would weigh {share:.1} times as much as the yarn, \
+                 and may weigh as much at most",
+                n.size_mm[0], n.per_m
+            );
+            return Err(Error::spec(self.key("neps"), message));
+        }
+        Ok(Some(n.clone()).filter(|n| n.per_m > 0.0))
     }
 
     pub(super) fn wander(&self) -> Result<Option<WanderSpec>, Error> {
