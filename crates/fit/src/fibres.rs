@@ -176,6 +176,7 @@ pub(crate) static TARGET: crate::Target = crate::Target {
     about: "Colour, roughness and density of the fibres, from measured values",
     example: "scenes/fabrics/denim.toml --data measured.csv -o fitted.toml",
     fields: &["data", "model", "patience", "journal", "voxel_um"],
+    check: |args| measured(args).map(drop),
     run,
 };
 
@@ -185,7 +186,7 @@ fn run(args: &FitJob) -> Result<super::Fitted> {
     let values = observed.values();
     let unwatched = args.context.loader();
     let (fabric, read) = read_fabric(args)?;
-    check_outputs(args, &read)?;
+    check_outputs(args, &args.context, &read)?;
     let (shown, fitted) = model(args, &fabric)?;
     let bounds = bounds(fitted, &fabric);
     let mut given_way = optics_given_way(args, fitted, &yarns(&fabric))?;

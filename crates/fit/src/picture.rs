@@ -1,7 +1,7 @@
 //! Fitting colour and roughness of the fibres to one picture of the cloth.
 
 use super::fibres::{model, optics_given_way, optics_keys, own_colour, yarns};
-use super::{FitJob, check_outputs, finish, options, read_fabric, table};
+use super::{Fit, FitJob, check_outputs, finish, options, read_fabric, table};
 use crate::triple;
 use anyhow::Result;
 use glam::UVec2;
@@ -39,16 +39,20 @@ pub(crate) static TARGET: crate::Target = crate::Target {
     fields: &[
         "data", "model", "light", "view", "width_mm", "white", "voxel_um",
     ],
+    check: |args| photograph(args).map(drop),
     run,
 };
 
+/// The file of the picture.
+fn photograph(args: &Fit) -> Result<&Path> {
+    let path = args.data.as_deref();
+    path.ok_or_else(|| of_option("data", "expected a picture"))
+}
+
 fn run(args: &FitJob) -> Result<super::Fitted> {
-    let path = args
-        .data
-        .as_deref()
-        .ok_or_else(|| of_option("data", "expected a picture"))?;
+    let path = photograph(args)?;
     let (fabric, read) = read_fabric(args)?;
-    check_outputs(args, &read)?;
+    check_outputs(args, &args.context, &read)?;
     let (size, pixels) = read_picture(path, &args.context)?;
     let (size, pixels) = shrunk(size, &pixels, MAX_TEXELS);
     let none = vec![[0.0; 3]; pixels.len()];

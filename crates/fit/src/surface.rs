@@ -2,7 +2,8 @@
 //! values.
 
 use super::{
-    FitJob, check_outputs, effort, finish, journal_key, open_journal, options, read_fabric, table,
+    Fit, FitJob, check_outputs, effort, finish, journal_key, open_journal, options, read_fabric,
+    table,
 };
 use anyhow::{Context, Result};
 use organza_basis::{Rgb, Stopped};
@@ -34,16 +35,21 @@ pub(crate) static TARGET: crate::Target = crate::Target {
     about: "The [surface] section: Irawan's model of the weave, from measured values or from the fabric's own volume",
     example: "scenes/fabrics/denim.toml -o fitted.toml",
     fields: &["data", "model", "patience", "journal", "voxel_um"],
+    check,
     run,
 };
 
-fn run(args: &FitJob) -> Result<super::Fitted> {
-    if args.data.is_some() {
-        let own = "applies only to a fit to the fabric's own volume";
-        args.refuse(&["model", "journal", "voxel_um"], own)?;
+fn check(args: &Fit) -> Result<()> {
+    let own = "applies only to a fit to the fabric's own volume";
+    match args.data {
+        Some(_) => args.refuse(&["model", "journal", "voxel_um"], own),
+        None => Ok(()),
     }
+}
+
+fn run(args: &FitJob) -> Result<super::Fitted> {
     let (mut fabric, read) = read_fabric(args)?;
-    check_outputs(args, &read)?;
+    check_outputs(args, &args.context, &read)?;
     // A fabric without the section gets one.
     fabric.file.surface.get_or_insert_default();
     let fabric = fabric;

@@ -99,13 +99,6 @@ impl Request for Compare {
         Ok(vec![path.to_owned()])
     }
 
-    fn run(&self, context: &Context) -> Result<Compared, Error> {
-        self.check(context)?;
-        Job::run(self, context, |job| Ok(Compared(compare(job)?)))
-    }
-}
-
-impl Compare {
     fn check(&self, context: &Context) -> Result<()> {
         keys::check("spp", [self.spp], parse_paths)?;
         keys::check("texel_spp", [self.texel_spp], parse_paths)?;
@@ -128,6 +121,12 @@ impl Compare {
         Ok(())
     }
 
+    fn work(job: &Job<Compare>) -> Result<Compared> {
+        Ok(Compared(compare(job)?))
+    }
+}
+
+impl Compare {
     /// The models that are named, each once.
     fn distinct(&self) -> Vec<PatchModel> {
         let mut list: Vec<PatchModel> = Vec::new();

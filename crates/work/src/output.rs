@@ -266,6 +266,29 @@ pub fn make_folder(path: &Path) -> Result<()> {
     }
 }
 
+/// Names with "or" before the last.
+pub fn or_list(names: &[impl AsRef<str>]) -> String {
+    let names: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
+    match &names[..] {
+        [before @ .., last] if !before.is_empty() => format!("{} or {last}", before.join(", ")),
+        names => names.concat(),
+    }
+}
+
+/// Refuses a name that has none of these endings.
+///
+/// # Errors
+/// Names the file and the endings.
+pub fn check_ending(path: &Path, endings: &[&str]) -> Result<()> {
+    let has = |own: &std::ffi::OsStr| endings.iter().any(|e| own.eq_ignore_ascii_case(e));
+    if path.extension().is_some_and(has) {
+        return Ok(());
+    }
+    let endings: Vec<String> = endings.iter().map(|e| format!(".{e}")).collect();
+    let why = format!("expected a name that ends in {}", or_list(&endings));
+    Err(of_file(path, why))
+}
+
 /// Refuses early what could not be written in the end.
 ///
 /// # Errors

@@ -7,7 +7,7 @@ mod target;
 
 use super::fibres::yarns;
 use super::{
-    FitJob, check_outputs, finish_with, journal_key, open_journal, options, read_fabric, table,
+    Fit, FitJob, check_outputs, finish_with, journal_key, open_journal, options, read_fabric, table,
 };
 use anyhow::{Context, Result};
 use corrections::Corrections;
@@ -56,13 +56,13 @@ pub(crate) static TARGET: crate::Target = crate::Target {
         "white",
         "voxel_um",
     ],
+    check,
     run,
 };
 
 fn run(args: &FitJob) -> Result<super::Fitted> {
-    refuse_flags(args)?;
     let (mut fabric, read) = read_fabric(args)?;
-    check_outputs(args, &read)?;
+    check_outputs(args, &args.context, &read)?;
     let shown = PatchModel::Is(&PLIES).of(&fabric, args.fabric_path())?;
     (PLIES.check)(&fabric, args.fabric_path(), &args.context.loader())?;
     let source = Source::new(args, &fabric)?;
@@ -123,7 +123,7 @@ fn run(args: &FitJob) -> Result<super::Fitted> {
     finish_with(args, &table, &parameters, &lines, (figures, None))
 }
 
-fn refuse_flags(args: &FitJob) -> Result<()> {
+fn check(args: &Fit) -> Result<()> {
     let (front, back) = (args.front.is_some(), args.back.is_some());
     if front != back {
         let missing = if front { "--back" } else { "--front" };

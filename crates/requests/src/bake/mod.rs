@@ -179,14 +179,7 @@ impl Request for Bake {
         Ok(vec![path.to_owned()])
     }
 
-    fn run(&self, context: &Context) -> Result<Baking, Error> {
-        self.check()?;
-        Job::run(self, context, bake)
-    }
-}
-
-impl Bake {
-    fn check(&self) -> Result<()> {
+    fn check(&self, _: &Context) -> Result<()> {
         keys::check("spp", [self.spp], parse_paths)?;
         keys::check("resolution", [self.resolution], whole::<u32>(16..=4096))?;
         keys::check("texel_spp", [self.texel_spp], whole::<u32>(4..=4096))?;
@@ -199,6 +192,10 @@ impl Bake {
             return Err(of_option("fabrics", "expected a fabric file"));
         }
         Ok(())
+    }
+
+    fn work(job: &BakeJob) -> Result<Baking> {
+        bake(job)
     }
 }
 

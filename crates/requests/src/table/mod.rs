@@ -30,7 +30,7 @@ use organza_work::keys;
 use organza_work::number_journal::NumberJournal;
 use organza_work::patch_model::patch_model;
 use organza_work::values::{parse_micrometres, parse_paths, parse_seed, parse_share, whole};
-use organza_work::{Context, Error, Progress, after_option, of_file, of_option, output, version};
+use organza_work::{Context, Error, Progress, after_option, of_option, output, version};
 use rayon::prelude::*;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -116,25 +116,11 @@ impl Request for Table {
     type Output = MadeTable;
 
     fn prepare_for(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
-        let ends = |e: &std::ffi::OsStr| e.eq_ignore_ascii_case(ENDING);
-        if !path.extension().is_some_and(ends) {
-            let why = format!("expected a name that ends in .{ENDING}");
-            return Err(of_file(path, why).into());
-        }
+        output::check_ending(path, &[ENDING])?;
         output::check_writable(path)?;
         Ok(vec![path.to_owned()])
     }
 
-    fn run(&self, context: &Context) -> Result<MadeTable, Error> {
-        self.check(context)?;
-        Job::run(self, context, |job| {
-            let (work, about) = watched(&job.context, |loader| prepare(job, loader))?;
-            make(job, work, about)
-        })
-    }
-}
-
-impl Table {
     fn check(&self, context: &Context) -> Result<()> {
         for (field, paths) in [
             ("spp", self.spp),
@@ -179,6 +165,11 @@ impl Table {
             output::check_not_an_input(journal, [&self.fabric])?;
         }
         Ok(())
+    }
+
+    fn work(job: &TableJob) -> Result<MadeTable> {
+        let (work, about) = watched(&job.context, |loader| prepare(job, loader))?;
+        make(job, work, about)
     }
 }
 
