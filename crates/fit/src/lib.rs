@@ -1,6 +1,7 @@
 //! Fits: parameters of a cloth that match measured values, a picture or photographs.
 
 mod cloth;
+mod descent;
 mod fibres;
 mod picture;
 mod plies;
