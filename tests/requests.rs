@@ -385,6 +385,21 @@ fn contradictions_are_refused_and_both_are_named() {
         ),
         ("scan", toml! { files = ["a.tif"] flatten = 9 }, "flatten"),
         (
+            "scan",
+            toml! { files = ["a.vti"] array = "grey" raw_size = [1, 1, 1] raw_type = "u8" },
+            "array",
+        ),
+        (
+            "scan",
+            toml! { files = ["a.tif", "b.tif"] array = "grey" },
+            "array",
+        ),
+        (
+            "scan",
+            toml! { files = ["a", "b"] raw_size = [1, 1, 1] raw_type = "u8" },
+            "raw_size",
+        ),
+        (
             "fit",
             toml! { fabric = "plain.toml" front = "a.png" },
             "front",

@@ -361,7 +361,13 @@ fn cache_plan(args: &RenderJob, built: &Built, key: &Key) -> Result<Option<Cache
     }
     let mut plan = table.cache_plan(resolution);
     if let (Some(path), Some(plan)) = (&args.load_light, &mut plan) {
-        let light = kept_light::read(path, key, &args.scene, plan.bytes / 8)?;
+        let light = kept_light::read(
+            path,
+            key,
+            &args.scene,
+            plan.bytes / 8,
+            &args.context.loader(),
+        )?;
         plan.kept = Some(Arc::new(light));
     }
     Ok(plan)

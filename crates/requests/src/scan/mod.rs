@@ -308,6 +308,7 @@ impl Request for Scan {
             return Err(organza_work::of_option("files", "expected a scan"));
         }
         let files = input::files(&self.files)?;
+        input::check(self, &files)?;
         for path in context.outputs.iter().chain(&self.journal) {
             output::check_not_an_input(path, &files)?;
         }
