@@ -508,12 +508,7 @@ fn journal_key(args: &FitJob, shown: &str, read: &[Input]) -> Result<String> {
 }
 
 fn options<'a>(args: &FitJob, loader: &'a Loader<'a>) -> PatchOptions<'a> {
-    PatchOptions {
-        loader,
-        voxel_um: args.voxel_um,
-        level: 0,
-        max_memory_bytes: args.context.max_memory_bytes,
-    }
+    args.context.patch_options(loader, args.voxel_um, 0)
 }
 
 fn effort(args: &FitJob) -> Effort {

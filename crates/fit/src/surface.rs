@@ -9,8 +9,8 @@ use anyhow::{Context, Result};
 use organza_basis::{Rgb, Stopped};
 use organza_measure::fit::Patience;
 use organza_measure::{
-    Angles, Effort, Measured, Pair, PairValue, fit_surface, in_plane_layout, irawan_layout,
-    measure_albedos, measure_pairs,
+    Angles, Effort, Pair, PairValue, fit_surface, in_plane_layout, irawan_layout, measure_albedos,
+    measure_pairs,
 };
 use organza_scene::loader::Input;
 use organza_scene::patches::{AnyPatch, fabric_patch};
@@ -19,6 +19,7 @@ use organza_surface::MeasuredTransmission;
 use organza_work::Progress;
 use organza_work::building::watched;
 use organza_work::measured_values;
+use organza_work::number_journal::{PAIR_NUMBERS, pair_numbers, pair_values};
 use organza_work::{input, of_file, of_key};
 use toml::Value;
 
@@ -123,22 +124,11 @@ fn measure(
             seed: args.seed ^ (batch as u64) << 40,
             ..effort(args)
         };
-        let numbers = journal.once(&[batch as f64], 6 * pairs.len(), || {
+        let numbers = journal.once(&[batch as f64], PAIR_NUMBERS * pairs.len(), || {
             let results = measure_pairs(patch, pairs, &effort, &|_| args.context.flow())?.list;
-            let numbers = |v: &PairValue| [v.bsdf.mean, v.bsdf.se].concat();
-            Ok(results.iter().flat_map(numbers).collect())
+            Ok(pair_numbers(&results))
         })?;
-        for (&pair, v) in pairs.iter().zip(numbers.chunks_exact(6)) {
-            let bsdf = Measured {
-                mean: [v[0], v[1], v[2]],
-                se: [v[3], v[4], v[5]],
-            };
-            list.push(PairValue {
-                pair,
-                bsdf,
-                paths: args.paths(),
-            });
-        }
+        list.extend(pair_values(pairs, args.paths(), &numbers));
         Stopped::check(progress.at(list.len() as u64))?;
     }
     let incident: Vec<Angles> = THETA_DEG

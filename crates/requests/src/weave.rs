@@ -239,7 +239,7 @@ fn write(args: &Weave, named: &Named, path: &Path) -> Result<()> {
     match (&*ending_of(path), named) {
         ("toml", Named::Draft(d)) => {
             let text = d.fabric_in(path.parent().unwrap_or(Path::new("")))?;
-            output::write_file(path, |out| Ok(out.write_all(text.as_bytes())?))
+            output::write_bytes(path, text.as_bytes())
         }
         (_, Named::Draft(d)) => write_png(path, &d.draft.picture(args.cell_px)),
         ("png", Named::Fabric(f)) => match (f.cloth.draft(), args.level) {

@@ -51,6 +51,14 @@ pub fn write_file(path: &Path, write: impl FnOnce(&mut dyn SeekWrite) -> Result<
     complete(write_temporary(path, write)?, path)
 }
 
+/// Writes a file of these bytes.
+///
+/// # Errors
+/// Names the file; nothing is left behind.
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_file(path, |out| Ok(out.write_all(bytes)?))
+}
+
 /// What writes one of several files.
 pub type WriteFile<'a> = Box<dyn FnOnce(&mut dyn SeekWrite) -> Result<()> + 'a>;
 

@@ -42,7 +42,8 @@ impl Command for RunArgs {
         let context = self.work.context();
         let text = context.loader().text_of(&self.file, Wanted::Text)?;
         let values = read::toml_changed(&self.file, &text, &[], &[], Wanted::Text)?;
-        let document = Document::parse(text.as_str()).map_err(|e| of_file(&self.file, e))?;
+        let document = Document::parse(text.as_str());
+        let document = document.map_err(|e| of_file(&self.file, e.message()))?;
         // All are read and checked before the first begins.
         let stated = self.stated(&document, &values)?;
         let mut written: Vec<&PathBuf> = Vec::new();

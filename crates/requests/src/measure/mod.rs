@@ -30,7 +30,7 @@ use organza_measure::{
 };
 use organza_scene::file_kind::Wanted as FileKind;
 use organza_scene::loader::Loader;
-use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, texel_grid};
+use organza_scene::patches::{AnyPatch, PatchModel, texel_grid};
 use organza_scene::representation::{Build, EXPLICIT_FIBRES, ShownAs, TABLE};
 use organza_scene::scene_file::{self, IntegratorName, is_scene_text};
 use organza_scene::{LoadedScene, fabric_file, far_table};
@@ -388,12 +388,7 @@ fn subject(job: &Job<Measure>, loader: &Loader<'_>) -> Result<Subject> {
         job.context.check_outputs(loader)?;
         return Ok(subject);
     }
-    let build = PatchOptions {
-        loader,
-        voxel_um: job.voxel_um,
-        level: job.level,
-        max_memory_bytes: job.context.max_memory_bytes,
-    };
+    let build = job.context.patch_options(loader, job.voxel_um, job.level);
     let mut fabric = fabric_file::load(&job.file, &job.set, loader)?;
     job.context.check_outputs(loader)?;
     let shown = job.model.of(&fabric, &job.file)?;
