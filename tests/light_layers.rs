@@ -2,7 +2,9 @@
 
 use crate::cli::write_silk_scene;
 use crate::program::{bytes, complaint, exr_channels, folder, succeed};
+use organza_requests::{Context, Render, Request};
 use std::path::Path;
+use std::sync::Arc;
 
 /// A picture that learns a little.
 const CACHED: [&str; 8] = [
@@ -117,6 +119,24 @@ fn light_is_kept_for_other_cameras() {
     let one = loaded("c.exr", &["--seed", "3", "--threads", "1"]);
     assert!(loaded("d.exr", &["--seed", "3"]) == one);
     assert!(render(&folder, "e.exr", &[&moved[..], &["--seed", "3"]].concat()) != one);
+
+    // In memory, as other files.
+    let set = [CACHED[3], CACHED[5], CACHED[7], moved[1]];
+    let request = Render {
+        scene: folder.join("scene.toml"),
+        seed: Some(3),
+        load_light: Some("given.light".into()),
+        set: set.map(str::to_owned).to_vec(),
+        ..Render::default()
+    };
+    let light = [("given.light", bytes(&folder, "silk.light"))];
+    let context = Context {
+        given: Arc::new(light.into_iter().collect()),
+        ..Context::default()
+    };
+    request.run(&context).unwrap();
+    let missing = request.run(&Context::default()).err().unwrap();
+    assert!(missing.is_missing, "{missing}");
 
     let refuse =
         |more: &[&str]| complaint(&folder, &[&CACHED[..], &["-o", "x.exr"], more].concat());

@@ -385,9 +385,39 @@ fn contradictions_are_refused_and_both_are_named() {
         ),
         ("scan", toml! { files = ["a.tif"] flatten = 9 }, "flatten"),
         (
+            "scan",
+            toml! { files = ["a.vti"] array = "grey" raw_size = [1, 1, 1] raw_type = "u8" },
+            "array",
+        ),
+        (
+            "scan",
+            toml! { files = ["a.tif", "b.tif"] array = "grey" },
+            "array",
+        ),
+        (
+            "scan",
+            toml! { files = ["a", "b"] raw_size = [1, 1, 1] raw_type = "u8" },
+            "raw_size",
+        ),
+        (
             "fit",
             toml! { fabric = "plain.toml" front = "a.png" },
             "front",
+        ),
+        (
+            "render",
+            toml! { scene = "<scene>" denoise = true },
+            "denoise",
+        ),
+        (
+            "measure",
+            toml! { file = "plain.toml" layout = "klems" target_error = 0.1 },
+            "target_error",
+        ),
+        (
+            "measure",
+            toml! { file = "plain.toml" layout = "ptm" target_error = 0.1 },
+            "target_error",
         ),
     ] {
         let error = run_table(name, table, &context).unwrap_err();
@@ -429,7 +459,41 @@ fn a_file_of_requests_is_read_as_a_whole_and_done_in_order() {
         ),
         (
             "[scan]\nfiles = ['a']\noutfile = 'plain.ovox'\n",
-            "is written twice",
+            "requests.toml:4:1: scan: plain.ovox is written twice",
+        ),
+        // Values are wrong here, too, and not when their turn comes.
+        (
+            "[render]\nscene = 'scene.toml'\nspp = 0\noutfile = 'a.exr'\n",
+            "requests.toml:6:1: render.spp: expected a whole number from 1",
+        ),
+        (
+            "[render]\nscene = 'scene.toml'\nresume = true\noutfile = 'a.exr'\n",
+            "requests.toml:6:1: render.resume: expected a --checkpoint",
+        ),
+        (
+            "[weave]\ndraft = 'plain'\noutfile = 'a.jpg'\n",
+            "a.jpg: expected a name that ends in .png, .toml, .obj, .txt or .bcc",
+        ),
+        (
+            "[weave]\ndraft = 'plain.toml'\noutfile = 'a.toml'\n",
+            "plain.toml: is a fabric file already",
+        ),
+        (
+            "[measure]\nfile = 'plain.toml'\nlayout = 'klems'\nrows = [0, 2]\noutfile = 'a.csv'\n",
+            "requests.toml:7:1: measure.rows: 0..2: this layout is measured all at once",
+        ),
+        (
+            "[measure]\nfile = 'plain.toml'\ntarget_error = 0.1\noutfile = 'a.exr'\n",
+            "requests.toml:6:1: measure.target_error: does not apply to pictures of the tile",
+        ),
+        (
+            "[[fit]]\nfabric = 'plain.toml'\ntarget = 'shade'\noutfile = 'a.toml'\n",
+            "requests.toml:4:1: fit.data: expected measured values",
+        ),
+        (
+            "[[fit]]\ntarget = 'cloth'\nfront = 'a.png'\nwidth_mm = 1\ndraft = 'plane'\n\
+             outfile = 'a.toml'\n",
+            "requests.toml:8:1: fit.draft: ",
         ),
     ] {
         write(&format!("{volume}{wrong}"));

@@ -67,7 +67,7 @@ fn sky_error(
 /// Fits a model to the pairs of the plan that are not held out: those of the face, and those
 /// through the cloth if the model transmits. Residuals are differences times the cosine of
 /// the eye, as shares of the mean of the own value and the root mean square of the side. The
-/// texels under a bright sky count with `sky_weight`, usually [`SKY_WEIGHT`]. `roughening` is fitted where none is given. Deterministic. `watch` is called after every evaluation.
+/// texels under a bright sky count with `sky_weight`, usually [`SKY_WEIGHT`]. `roughening` is fitted where none is given. Deterministic. `watch` is called before every evaluation.
 ///
 /// # Errors
 /// When `watch` broke.
@@ -118,15 +118,10 @@ pub fn fit_target(
     let mut go_on = ControlFlow::Continue(());
     let mut residuals = |place: &[f64]| {
         Stopped::check(go_on).ok()?;
-        let values = model_values(
-            target,
-            &target.parameters(place, roughening),
-            texels,
-            albedos,
-            &pairs,
-        );
         go_on = watch();
+        Stopped::check(go_on).ok()?;
         let parameters = target.parameters(place, roughening);
+        let values = model_values(target, &parameters, texels, albedos, &pairs);
         let data = used.iter().zip(&weights);
         let mut list: Vec<f64> = values
             .iter()

@@ -1,8 +1,7 @@
 //! The folder of entries.
 
 use crate::entry::{self, Description, Entry};
-use crate::left_over::{remove_if_left_over, temporary_file};
-use crate::{Key, entry::of_file};
+use crate::{Key, entry::of_file, temporary};
 use std::fs::{File, TryLockError};
 use std::io::{self, BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
@@ -11,6 +10,9 @@ use std::time::{Duration, Instant, SystemTime};
 /// Held by the process that makes room and gives an entry its name, so that the folder keeps
 /// its limit.
 const LOCK: &str = "lock";
+
+/// What the names of files begin with that are not complete.
+const TEMPORARY: &str = "new.";
 
 /// Time to wait for the lock; without it the entry gets its name all the same.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -127,7 +129,7 @@ impl Cache {
         about: &Description,
         write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
     ) -> io::Result<bool> {
-        let temporary = temporary_file(&self.folder)?;
+        let temporary = temporary::file(&self.folder, TEMPORARY)?;
         let mut out = BufWriter::new(temporary.as_file());
         entry::encode(&mut out, key, about, write)?;
         out.flush()?;
@@ -168,16 +170,13 @@ impl Cache {
     /// The folder cannot be read.
     pub fn entries(&self) -> io::Result<Vec<Entry>> {
         let mut entries = Vec::new();
+        temporary::remove_left_over(&self.folder, TEMPORARY);
         let files = match std::fs::read_dir(&self.folder) {
             Err(e) if e.kind() == ErrorKind::NotFound => return Ok(entries),
             files => files?,
         };
         for file in files {
-            let path = file?.path();
-            match of_file(&path) {
-                Some(entry) => entries.push(entry),
-                None => remove_if_left_over(&path),
-            }
+            entries.extend(of_file(&file?.path()));
         }
         entries.sort_by_key(|entry| (std::cmp::Reverse(entry.used), entry.path.clone()));
         Ok(entries)

@@ -31,7 +31,7 @@
 mod cache;
 mod entry;
 mod key;
-mod left_over;
+pub mod temporary;
 
 pub use cache::{Cache, Removed};
 pub use entry::{Description, Entry, decode, encode};

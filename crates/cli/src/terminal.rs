@@ -26,6 +26,14 @@ pub fn print(text: &str) -> Result<()> {
     }
 }
 
+/// Prints a value as JSON.
+///
+/// # Errors
+/// Those of [`print`].
+pub fn print_json(value: &impl serde::Serialize) -> Result<()> {
+    print(&(serde_json::to_string_pretty(value)? + "\n"))
+}
+
 /// A line on the standard error; a reader that is gone is no error.
 macro_rules! note {
     ($($words:tt)*) => {{

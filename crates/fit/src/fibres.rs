@@ -1,12 +1,12 @@
 //! Fitting the fibres of a volume to measured reflection and transmission.
 
+use super::descent::{is_final, moved, nearest};
 use super::{
     FitJob, check_outputs, effort, finish, journal_key, measured, open_journal, options,
     read_fabric, table,
 };
 use anyhow::Result;
-use organza_basis::Stopped;
-use organza_measure::fit::{Bound, Patience, determine, search};
+use organza_measure::fit::{Bound, determine};
 use organza_measure::{
     Angles, Effort, Measured, Pair, PairValue, measure_albedos, measure_pairs, read_klems,
 };
@@ -16,11 +16,8 @@ use organza_scene::optics;
 use organza_scene::patches::{AnyPatch, Matter};
 use organza_scene::representation::{FittedOptics, ShownAs};
 use organza_work::Context;
-use organza_work::Progress;
 use organza_work::measured_values;
-use organza_work::number_journal::JournalError;
 use organza_work::{of_file, of_key};
-use std::cell::RefCell;
 use std::collections::BTreeSet;
 use toml::{Table, Value};
 
@@ -166,16 +163,13 @@ const TOLERANCE: f64 = 0.02;
 /// Largest and least number of fibres, against the fabric's own.
 const DENSITY: [f64; 2] = [0.5, 1.6];
 
-/// Step of difference quotients as a share of the range: simulations with the
-/// same random numbers still jump a little.
-const STRIDE: f64 = 0.05;
-
 /// The target.
 pub(crate) static TARGET: crate::Target = crate::Target {
     name: "fibres",
     about: "Colour, roughness and density of the fibres, from measured values",
     example: "scenes/fabrics/denim.toml --data measured.csv -o fitted.toml",
     fields: &["data", "model", "patience", "journal", "voxel_um"],
+    check: |args| measured(args).map(drop),
     run,
 };
 
@@ -185,7 +179,7 @@ fn run(args: &FitJob) -> Result<super::Fitted> {
     let values = observed.values();
     let unwatched = args.context.loader();
     let (fabric, read) = read_fabric(args)?;
-    check_outputs(args, &read)?;
+    check_outputs(args, &args.context, &read)?;
     let (shown, fitted) = model(args, &fabric)?;
     let bounds = bounds(fitted, &fabric);
     let mut given_way = optics_given_way(args, fitted, &yarns(&fabric))?;
@@ -195,9 +189,6 @@ fn run(args: &FitJob) -> Result<super::Fitted> {
     }));
     let key = journal_key(args, &shown.to_string(), &read)?;
     let mut journal = open_journal(args, &key)?;
-    let mut failure = None;
-    // A journal that fails, or a stop, ends the search, which then has no use for places.
-    let fatal = RefCell::new(None);
     let options = options(args, &unwatched);
     // Colour and roughness change no voxel; the last density comes first.
     let mut matter: Option<(f64, Matter)> = None;
@@ -205,10 +196,7 @@ fn run(args: &FitJob) -> Result<super::Fitted> {
     // largest.
     let mut errors: Option<Vec<f64>> = None;
     let mut residuals = |place: &[f64]| {
-        if fatal.borrow().is_some() {
-            return None;
-        }
-        let found = journal.once(place, 2 * values.len(), || {
+        let results = journal.once(place, 2 * values.len(), || {
             let keys = keys(args, fitted, &fabric, &bounds, place);
             let changed =
                 fabric_file::load_changed(args.fabric_path(), &given_way, &keys, &unwatched)?;
@@ -223,67 +211,25 @@ fn run(args: &FitJob) -> Result<super::Fitted> {
             });
             let patch = matter.patch(&changed, args.fabric_path(), &options)?;
             Ok(observed.simulate(args, &patch)?.values().concat())
-        });
-        // A fabric whose yarns do not fit is no answer; its error is reported
-        // when there is no other.
-        let results = match found {
-            Ok(results) => results,
-            Err(e) if e.is::<JournalError>() || args.context.flow().is_break() => {
-                *fatal.borrow_mut() = Some(e);
-                return None;
-            }
-            Err(e) => {
-                failure = Some(e);
-                return None;
-            }
-        };
+        })?;
         let both = || results.chunks_exact(2).zip(&values);
         let errors = errors.get_or_insert_with(|| {
             let one = |(t, v): (&[f64], &[f64; 2])| t[1].hypot(v[1]).hypot(TOLERANCE * v[0]);
             both().map(one).map(|e| e.max(1e-4)).collect()
         });
         let one = |((t, v), e): ((&[f64], &[f64; 2]), &f64)| (t[0] - v[0]) / e;
-        Some(both().zip(errors.iter()).map(one).collect::<Vec<f64>>())
+        Ok(both().zip(errors.iter()).map(one).collect::<Vec<f64>>())
     };
-    let [scan, steps] = args.patience.unwrap_or([0, 60]);
-    let patience = Patience {
-        scan,
-        steps,
-        stride: STRIDE,
-    };
-    let descents = if scan > 0 { 4 } else { 1 };
-    let most = u64::from(scan) + descents * u64::from(steps);
-    let progress = Progress::new("fitting", most, &args.context);
-    let mut count = 0;
-    let (place, least) = search(&bounds, &patience, &mut |place| {
-        count += 1;
-        Stopped::check(progress.at(count)).ok()?;
-        residuals(place)
-    });
-    progress.finish();
-    if let Some(e) = fatal.take() {
-        return Err(e);
-    }
-    Stopped::check(args.context.flow())?;
-    let (Some(base), true) = (residuals(&place), least.is_finite()) else {
-        let none = || of_file(args.fabric_path(), "no answer");
-        return Err(failure.unwrap_or_else(none));
-    };
+    let (place, least) = nearest(args, &bounds, [0, 60], None, &mut residuals)?;
+    let base = residuals(&place)?;
     let mut columns = Vec::new();
-    for (k, b) in bounds.iter().enumerate() {
-        let mut moved = place.clone();
-        let step = STRIDE * (b.high - b.low);
-        let step = if moved[k] + step > b.high {
-            -step
-        } else {
-            step
+    for k in 0..bounds.len() {
+        let (moved, step) = moved(&place, &bounds, k);
+        let there = match residuals(&moved) {
+            Err(e) if is_final(args, &e) => return Err(e),
+            // What cannot be made changes nothing.
+            there => there.unwrap_or_else(|_| base.clone()),
         };
-        moved[k] += step;
-        let there = residuals(&moved);
-        if let Some(e) = fatal.take() {
-            return Err(e);
-        }
-        let there = there.unwrap_or_else(|| base.clone());
         let quotient = |(a, b): (&f64, &f64)| (a - b) / step;
         columns.push(there.iter().zip(&base).map(quotient).collect());
     }

@@ -1,6 +1,7 @@
 //! Fits: parameters of a cloth that match measured values, a picture or photographs.
 
 mod cloth;
+mod descent;
 mod fibres;
 mod picture;
 mod plies;
@@ -33,7 +34,7 @@ use organza_work::values::{
     parse_angles, parse_crop, parse_micrometres, parse_paths, parse_patience, parse_positive,
     parse_seed, parse_share,
 };
-use organza_work::{Context, Error, Results, identity, of_file, of_option, output};
+use organza_work::{Context, Error, Results, identity, of_option, output};
 use organza_work::{Output, Request};
 use serde::Deserialize;
 use serde::de::Deserializer;
@@ -254,33 +255,32 @@ impl Request for Fit {
     type Output = Fitted;
 
     fn prepare_for(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
-        let is_fabric = |e: &std::ffi::OsStr| e.eq_ignore_ascii_case("toml");
-        if !path.extension().is_some_and(is_fabric) {
-            return Err(of_file(path, "expected a name that ends in .toml").into());
-        }
+        output::check_ending(path, &["toml"])?;
         output::check_writable(path)?;
         self.file = Some(path.to_owned());
         Ok(vec![path.to_owned()])
     }
 
-    fn run(&self, context: &Context) -> Result<Fitted, Error> {
-        Job::run(self, context, |job| {
-            job.check(context)?;
-            check_outputs(job, &[])?;
-            if let PatchModel::Is(model) = job.model
-                && matches!(model.build, Build::Surface(_))
-            {
-                return Err(of_option("model", "a surface cannot stand for the volume"));
-            }
-            let target = job.target.target();
-            target::check_fields(job)?;
-            if job.fabric.is_none() && !std::ptr::eq(target, &cloth::TARGET) {
-                let why = "<FABRIC>: expected a fabric file, or a scene or a volume file to fit a \
-                           volume; only the fit of a cloth needs none";
-                return Err(organza_work::input(why));
-            }
-            (target.run)(job)
-        })
+    fn check(&self, context: &Context) -> Result<()> {
+        self.check_values(context)?;
+        check_outputs(self, context, &[])?;
+        if let PatchModel::Is(model) = self.model
+            && matches!(model.build, Build::Surface(_))
+        {
+            return Err(of_option("model", "a surface cannot stand for the volume"));
+        }
+        let target = self.target.target();
+        target::check_fields(self)?;
+        if self.fabric.is_none() && !std::ptr::eq(target, &cloth::TARGET) {
+            let why = "<FABRIC>: expected a fabric file, or a scene or a volume file to fit a \
+                       volume; only the fit of a cloth needs none";
+            return Err(organza_work::input(why));
+        }
+        (target.check)(self)
+    }
+
+    fn work(job: &FitJob) -> Result<Fitted> {
+        (job.target.target().run)(job)
     }
 }
 
@@ -331,7 +331,7 @@ impl Fit {
         }
     }
 
-    fn check(&self, context: &Context) -> Result<()> {
+    fn check_values(&self, context: &Context) -> Result<()> {
         keys::check("spp", self.spp, parse_paths)?;
         let patience = self.patience.map(|p| keys::listed(&p));
         keys::check("patience", patience, parse_patience)?;
@@ -454,13 +454,13 @@ fn read_fabric(args: &FitJob) -> Result<(Fabric, Vec<Input>)> {
 }
 
 /// The file of measured values.
-fn measured(args: &FitJob) -> Result<&Path> {
+fn measured(args: &Fit) -> Result<&Path> {
     let path = args.data.as_deref();
     path.ok_or_else(|| of_option("data", "expected measured values"))
 }
 
 /// Refuses outputs that are the fabric, the data, or files that the fabric names.
-fn check_outputs(args: &FitJob, read: &[Input]) -> Result<()> {
+fn check_outputs(args: &Fit, context: &Context, read: &[Input]) -> Result<()> {
     let read = || {
         let named = read.iter().map(|i| i.path.as_path());
         named
@@ -469,7 +469,7 @@ fn check_outputs(args: &FitJob, read: &[Input]) -> Result<()> {
             .chain(args.front.as_deref())
             .chain(args.back.as_deref())
     };
-    for path in args.context.outputs.iter().chain(&args.journal) {
+    for path in context.outputs.iter().chain(&args.journal) {
         output::check_not_an_input(path, read())?;
     }
     Ok(())
@@ -508,12 +508,7 @@ fn journal_key(args: &FitJob, shown: &str, read: &[Input]) -> Result<String> {
 }
 
 fn options<'a>(args: &FitJob, loader: &'a Loader<'a>) -> PatchOptions<'a> {
-    PatchOptions {
-        loader,
-        voxel_um: args.voxel_um,
-        level: 0,
-        max_memory_bytes: args.context.max_memory_bytes,
-    }
+    args.context.patch_options(loader, args.voxel_um, 0)
 }
 
 fn effort(args: &FitJob) -> Effort {

@@ -1,7 +1,7 @@
 //! Fitting colour and roughness of the fibres to one picture of the cloth.
 
 use super::fibres::{model, optics_given_way, optics_keys, own_colour, yarns};
-use super::{FitJob, check_outputs, finish, options, read_fabric, table};
+use super::{Fit, FitJob, LIGHT, VIEW, check_outputs, finish, options, read_fabric, table};
 use crate::triple;
 use anyhow::Result;
 use glam::UVec2;
@@ -39,35 +39,23 @@ pub(crate) static TARGET: crate::Target = crate::Target {
     fields: &[
         "data", "model", "light", "view", "width_mm", "white", "voxel_um",
     ],
+    check: |args| photograph(args).map(drop),
     run,
 };
 
-fn run(args: &FitJob) -> Result<super::Fitted> {
-    let path = args
-        .data
-        .as_deref()
-        .ok_or_else(|| of_option("data", "expected a picture"))?;
-    let (fabric, read) = read_fabric(args)?;
-    check_outputs(args, &read)?;
-    let (size, pixels) = read_picture(path, &args.context)?;
-    let (size, pixels) = shrunk(size, &pixels, MAX_TEXELS);
-    let none = vec![[0.0; 3]; pixels.len()];
-    // White sends 1/pi of the light on it into every direction.
-    let white = FRAC_1_PI as f32 / args.white.unwrap_or(1.0) as f32;
-    let pixels: Vec<[f32; 3]> = pixels.iter().map(|p| (*p * white).0.to_array()).collect();
-    let target = PictureStatistics::new(&pixels, &none);
+/// The file of the picture.
+fn photograph(args: &Fit) -> Result<&Path> {
+    let path = args.data.as_deref();
+    path.ok_or_else(|| of_option("data", "expected a picture"))
+}
 
-    let angles = |[theta_deg, phi_deg]: [f64; 2]| Angles { theta_deg, phi_deg };
-    let pair = Pair {
-        incident: angles(args.light.unwrap_or(super::LIGHT)),
-        exitant: angles(args.view.unwrap_or(super::VIEW)),
-    };
-    let mut grid: TexelGrid = texel_grid(&fabric, 1);
-    grid.texels = size;
-    if let Some(width_mm) = args.width_mm {
-        let width_mm = width_mm as f32;
-        grid.size_mm = size.as_vec2() * (width_mm / size.x as f32);
-    }
+fn run(args: &FitJob) -> Result<super::Fitted> {
+    let path = photograph(args)?;
+    let (fabric, read) = read_fabric(args)?;
+    check_outputs(args, &args.context, &read)?;
+    let seen = Seen::read(args, path, MAX_TEXELS, args.light.unwrap_or(LIGHT), &fabric)?;
+    let none = vec![[0.0; 3]; seen.pixels.len()];
+    let target = PictureStatistics::new(&seen.pixels, &none);
     let (shown, fitted) = model(args, &fabric)?;
     let matter = watched(&args.context, |loader| {
         let options = options(args, loader);
@@ -112,7 +100,14 @@ fn run(args: &FitJob) -> Result<super::Fitted> {
         )?;
         let patch = matter.patch(&changed, args.fabric_path(), &options(args, &unwatched))?;
         let watch = |_| args.context.flow();
-        let texture = measure_texture(&patch, pair, &grid, args.paths(), args.seed, &watch)?;
+        let texture = measure_texture(
+            &patch,
+            seen.pair,
+            &seen.grid,
+            args.paths(),
+            args.seed,
+            &watch,
+        )?;
         Ok(PictureStatistics::of(&texture))
     };
     let found = match_picture(&target, &search, &mut simulate)?;
@@ -161,8 +156,51 @@ pub fn read_picture(path: &Path, context: &Context) -> Result<(UVec2, Vec<Rgb>)>
     ))
 }
 
+/// A picture of the cloth, and how it was taken.
+pub struct Seen {
+    /// Its texels, 1/sr.
+    pub pixels: Vec<[f32; 3]>,
+    /// Where on the cloth they are.
+    pub grid: TexelGrid,
+    /// Directions towards light and camera.
+    pub pair: Pair,
+}
+
+impl Seen {
+    /// Reads a picture under a light, averaged to so many texels of its longer side.
+    ///
+    /// # Errors
+    /// Names the file.
+    pub fn read(
+        args: &FitJob,
+        path: &Path,
+        most: u32,
+        light: [f64; 2],
+        fabric: &Fabric,
+    ) -> Result<Seen> {
+        let (size, pixels) = read_picture(path, &args.context)?;
+        let (size, pixels) = shrunk(size, &pixels, most);
+        // White sends 1/pi of the light on it into every direction.
+        let white = FRAC_1_PI as f32 / args.white.unwrap_or(1.0) as f32;
+        let mut grid = texel_grid(fabric, 1);
+        grid.texels = size;
+        if let Some(width_mm) = args.width_mm {
+            grid.size_mm = size.as_vec2() * (width_mm as f32 / size.x as f32);
+        }
+        let angles = |[theta_deg, phi_deg]: [f64; 2]| Angles { theta_deg, phi_deg };
+        Ok(Seen {
+            pixels: pixels.iter().map(|p| (*p * white).0.to_array()).collect(),
+            grid,
+            pair: Pair {
+                incident: angles(light),
+                exitant: angles(args.view.unwrap_or(VIEW)),
+            },
+        })
+    }
+}
+
 /// Averages over squares of pixels until the longer side has at most so many.
-pub fn shrunk(size: UVec2, pixels: &[Rgb], most: u32) -> (UVec2, Vec<Rgb>) {
+fn shrunk(size: UVec2, pixels: &[Rgb], most: u32) -> (UVec2, Vec<Rgb>) {
     let factor = size.max_element().div_ceil(most).max(1);
     let small = size / factor;
     let texel = |x: u32, y: u32| {

@@ -2,14 +2,15 @@
 //! values.
 
 use super::{
-    FitJob, check_outputs, effort, finish, journal_key, open_journal, options, read_fabric, table,
+    Fit, FitJob, check_outputs, effort, finish, journal_key, open_journal, options, read_fabric,
+    table,
 };
 use anyhow::{Context, Result};
 use organza_basis::{Rgb, Stopped};
 use organza_measure::fit::Patience;
 use organza_measure::{
-    Angles, Effort, Measured, Pair, PairValue, fit_surface, in_plane_layout, irawan_layout,
-    measure_albedos, measure_pairs,
+    Angles, Effort, Pair, PairValue, fit_surface, in_plane_layout, irawan_layout, measure_albedos,
+    measure_pairs,
 };
 use organza_scene::loader::Input;
 use organza_scene::patches::{AnyPatch, fabric_patch};
@@ -18,6 +19,7 @@ use organza_surface::MeasuredTransmission;
 use organza_work::Progress;
 use organza_work::building::watched;
 use organza_work::measured_values;
+use organza_work::number_journal::{PAIR_NUMBERS, pair_numbers, pair_values};
 use organza_work::{input, of_file, of_key};
 use toml::Value;
 
@@ -34,16 +36,21 @@ pub(crate) static TARGET: crate::Target = crate::Target {
     about: "The [surface] section: Irawan's model of the weave, from measured values or from the fabric's own volume",
     example: "scenes/fabrics/denim.toml -o fitted.toml",
     fields: &["data", "model", "patience", "journal", "voxel_um"],
+    check,
     run,
 };
 
-fn run(args: &FitJob) -> Result<super::Fitted> {
-    if args.data.is_some() {
-        let own = "applies only to a fit to the fabric's own volume";
-        args.refuse(&["model", "journal", "voxel_um"], own)?;
+fn check(args: &Fit) -> Result<()> {
+    let own = "applies only to a fit to the fabric's own volume";
+    match args.data {
+        Some(_) => args.refuse(&["model", "journal", "voxel_um"], own),
+        None => Ok(()),
     }
+}
+
+fn run(args: &FitJob) -> Result<super::Fitted> {
     let (mut fabric, read) = read_fabric(args)?;
-    check_outputs(args, &read)?;
+    check_outputs(args, &args.context, &read)?;
     // A fabric without the section gets one.
     fabric.file.surface.get_or_insert_default();
     let fabric = fabric;
@@ -117,22 +124,11 @@ fn measure(
             seed: args.seed ^ (batch as u64) << 40,
             ..effort(args)
         };
-        let numbers = journal.once(&[batch as f64], 6 * pairs.len(), || {
+        let numbers = journal.once(&[batch as f64], PAIR_NUMBERS * pairs.len(), || {
             let results = measure_pairs(patch, pairs, &effort, &|_| args.context.flow())?.list;
-            let numbers = |v: &PairValue| [v.bsdf.mean, v.bsdf.se].concat();
-            Ok(results.iter().flat_map(numbers).collect())
+            Ok(pair_numbers(&results))
         })?;
-        for (&pair, v) in pairs.iter().zip(numbers.chunks_exact(6)) {
-            let bsdf = Measured {
-                mean: [v[0], v[1], v[2]],
-                se: [v[3], v[4], v[5]],
-            };
-            list.push(PairValue {
-                pair,
-                bsdf,
-                paths: args.paths(),
-            });
-        }
+        list.extend(pair_values(pairs, args.paths(), &numbers));
         Stopped::check(progress.at(list.len() as u64))?;
     }
     let incident: Vec<Angles> = THETA_DEG

@@ -17,6 +17,8 @@ pub struct Target {
     pub example: &'static str,
     /// The fields of [`Fit`] that it takes beside those that all take.
     pub fields: &'static [&'static str],
+    /// Refuses fields that lack others or contradict them, before any file is read.
+    pub(crate) check: fn(&Fit) -> Result<()>,
     pub(crate) run: fn(&FitJob) -> Result<Fitted>,
 }
 

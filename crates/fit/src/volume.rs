@@ -53,32 +53,43 @@ pub(crate) static TARGET: crate::Target = crate::Target {
         "blur_px",
         "fit_density",
     ],
+    check,
     run,
 };
+
+/// The file of measured values, or of a picture.
+fn data(args: &Fit) -> Result<&Path> {
+    let path = args.data.as_deref();
+    path.ok_or_else(|| of_option("data", "expected measured values or a picture"))
+}
+
+fn check(args: &Fit) -> Result<()> {
+    data(args)?;
+    if has_picture(args) {
+        return Ok(());
+    }
+    // All but the data itself and what is found.
+    let of_pictures = TARGET.fields.iter().copied();
+    let of_pictures = of_pictures.filter(|f| !["data", "fit_density"].contains(f));
+    let of_pictures: Vec<&str> = of_pictures.collect();
+    args.refuse(&of_pictures, "applies only to a picture")
+}
 
 fn run(args: &FitJob) -> Result<super::Fitted> {
     let (draft, inputs) = watched(&args.context, |loader| {
         let draft = Draft::new(args, loader)?;
         Ok((draft, loader.inputs()))
     })?;
-    check_outputs(args, &inputs)?;
+    check_outputs(args, &args.context, &inputs)?;
     if !draft.is_made {
         let scene = draft.path.display();
         let why = format!("{scene} has a camera and lights of its own");
         args.refuse(&["light", "view", "width_mm"], &why)?;
     }
-    let path = args.data.as_deref();
-    let path = path.ok_or_else(|| of_option("data", "expected measured values or a picture"))?;
+    let path = data(args)?;
     let data = match has_picture(args) {
         true => Data::Picture(Photograph::read(args, path, &draft)?),
-        false => {
-            // All but the data itself and what is found.
-            let of_pictures = TARGET.fields.iter().copied();
-            let of_pictures = of_pictures.filter(|f| !["data", "fit_density"].contains(f));
-            let of_pictures: Vec<&str> = of_pictures.collect();
-            args.refuse(&of_pictures, "applies only to a picture")?;
-            Data::Pairs(Observed::read(path, &args.context)?)
-        }
+        false => Data::Pairs(Observed::read(path, &args.context)?),
     };
     let names = match &data {
         Data::Picture(photograph) => photograph.names(),

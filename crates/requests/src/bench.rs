@@ -185,9 +185,7 @@ fn bench(args: &BenchJob) -> Result<Vec<String>> {
         ("report.html", report.html()?),
     ];
     for (name, text) in files {
-        output::write_file(&args.outfile.join(name), |out| {
-            out.write_all(text.as_bytes()).context("writing failed")
-        })?;
+        output::write_bytes(&args.outfile.join(name), text.as_bytes())?;
     }
     Ok(report.recommendations())
 }
@@ -254,5 +252,5 @@ fn plan(args: &BenchJob, scenes: PathBuf) -> BenchPlan {
 
 /// Writes a file of the bench.
 fn write_file(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
-    Ok(output::write_file(path, |out| Ok(out.write_all(bytes)?))?)
+    Ok(output::write_bytes(path, bytes)?)
 }

@@ -5,7 +5,7 @@ use clap::Args;
 use organza_measure::{Effort, irawan_layout};
 use organza_report::comparison::{Comparison, ComparisonPlan, Measurement, judge};
 use organza_scene::fabric_file;
-use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
+use organza_scene::patches::{AnyPatch, PatchModel, fabric_patch, texel_grid};
 use organza_scene::representation::{EXPLICIT_FIBRES, Representation, SURFACE, ShownAs, TABLE};
 use organza_work::Job;
 use organza_work::building::watched;
@@ -99,13 +99,6 @@ impl Request for Compare {
         Ok(vec![path.to_owned()])
     }
 
-    fn run(&self, context: &Context) -> Result<Compared, Error> {
-        self.check(context)?;
-        Job::run(self, context, |job| Ok(Compared(compare(job)?)))
-    }
-}
-
-impl Compare {
     fn check(&self, context: &Context) -> Result<()> {
         keys::check("spp", [self.spp], parse_paths)?;
         keys::check("texel_spp", [self.texel_spp], parse_paths)?;
@@ -128,6 +121,12 @@ impl Compare {
         Ok(())
     }
 
+    fn work(job: &Job<Compare>) -> Result<Compared> {
+        Ok(Compared(compare(job)?))
+    }
+}
+
+impl Compare {
     /// The models that are named, each once.
     fn distinct(&self) -> Vec<PatchModel> {
         let mut list: Vec<PatchModel> = Vec::new();
@@ -186,12 +185,7 @@ fn compare(job: &Job<Compare>) -> Result<Comparison> {
         }
         seen.push(shown);
         let patch = watched(context, |loader| {
-            let build = PatchOptions {
-                loader,
-                voxel_um: job.voxel_um,
-                level: job.level,
-                max_memory_bytes: context.max_memory_bytes,
-            };
+            let build = context.patch_options(loader, job.voxel_um, job.level);
             Ok(fabric_patch(&fabric, &job.fabric, shown, &build)?)
         });
         let patch = match patch {

@@ -11,7 +11,7 @@ struct Registration {
 }
 
 impl Registration {
-    const fn of<R: Request + Send + Sync + 'static>() -> Registration {
+    const fn of<R: Request<Output: 'static> + 'static>() -> Registration {
         Registration {
             name: R::NAME,
             read: read::<R>,
@@ -35,14 +35,41 @@ const REQUESTS: &[Registration] = &[
 /// Keys of a table that name where the output is written.
 const OUTPUTS: [&str; 2] = ["outfile", "outdir"];
 
-/// What does the work of a request.
-type Work = dyn Fn(&Context) -> Result<Box<dyn Output>, Error> + Send + Sync;
+/// A request with the file or folder that it is for.
+struct Prepared<R> {
+    request: R,
+    path: Option<PathBuf>,
+}
+
+/// What can be asked of every [`Prepared`] request.
+trait Work: Send + Sync {
+    fn check(&self, context: &Context) -> Result<(), Error>;
+    fn run(&self, context: &Context) -> Result<Box<dyn Output>, Error>;
+}
+
+impl<R: Request<Output: 'static>> Work for Prepared<R> {
+    fn check(&self, context: &Context) -> Result<(), Error> {
+        Ok(self.request.check(context)?)
+    }
+
+    fn run(&self, context: &Context) -> Result<Box<dyn Output>, Error> {
+        let mut found = self.request.run(context)?;
+        if let Some(path) = &self.path {
+            found.settle(path);
+            found.write(path)?;
+        }
+        match found.failure() {
+            Some(failure) => Err(failure),
+            None => Ok(Box::new(found)),
+        }
+    }
+}
 
 /// A request that a table states.
 pub struct Stated {
     /// What it will write, where its keys `outfile` or `outdir` name a place.
     pub outputs: Vec<PathBuf>,
-    run: Box<Work>,
+    work: Box<dyn Work>,
 }
 
 impl Stated {
@@ -59,15 +86,27 @@ impl Stated {
         (found.read)(table)
     }
 
-    /// Does the work, and writes its output.
+    /// Refuses what is wrong whatever the input files hold, before any work is done.
+    ///
+    /// # Errors
+    /// Those of [`Request::check`].
+    pub fn check(&self, context: &Context) -> Result<(), Error> {
+        self.work.check(&self.context(context))
+    }
+
+    /// Checks the request, does its work and writes its output.
     ///
     /// # Errors
     /// Those of the request.
     pub fn run(&self, context: &Context) -> Result<Box<dyn Output>, Error> {
-        (self.run)(&Context {
+        self.work.run(&self.context(context))
+    }
+
+    fn context(&self, context: &Context) -> Context {
+        Context {
             outputs: self.outputs.clone(),
             ..context.clone()
-        })
+        }
     }
 }
 
@@ -80,7 +119,7 @@ pub fn run_table(name: &str, table: toml::Table, context: &Context) -> Result<Re
     Stated::read(name, table)?.run(context)?.results()
 }
 
-fn read<R: Request + Send + Sync + 'static>(mut table: toml::Table) -> Result<Stated, Error> {
+fn read<R: Request<Output: 'static> + 'static>(mut table: toml::Table) -> Result<Stated, Error> {
     let named = OUTPUTS
         .iter()
         .find_map(|key| Some((key, table.remove(*key)?)));
@@ -96,17 +135,7 @@ fn read<R: Request + Send + Sync + 'static>(mut table: toml::Table) -> Result<St
     let outputs = path.as_deref().map(|path| request.prepare_for(path));
     Ok(Stated {
         outputs: outputs.transpose()?.unwrap_or_default(),
-        run: Box::new(move |context| {
-            let mut found = request.run(context)?;
-            if let Some(path) = &path {
-                found.settle(path);
-                found.write(path)?;
-            }
-            match found.failure() {
-                Some(failure) => Err(failure),
-                None => Ok(Box::new(found) as Box<dyn Output>),
-            }
-        }),
+        work: Box::new(Prepared { request, path }),
     })
 }
 

@@ -75,24 +75,30 @@ impl Request for Voxelize {
         Ok(vec![path.to_owned()])
     }
 
-    fn run(&self, context: &Context) -> Result<Volume, Error> {
-        self.check()?;
-        Job::run(self, context, |job| {
-            let started = Instant::now();
-            let (fabric, octree) = watched(&job.context, |loader| octree(job, loader))?;
-            let volume = Volume {
-                file: job.file().to_owned(),
-                level: job.level,
-                half: job.half,
-                raw: job.raw,
-                started,
-                context: job.context.clone(),
-                fabric,
-                octree,
-            };
-            volume.check_memory(format_of(&volume.file)?)?;
-            Ok(volume)
-        })
+    fn check(&self, _: &Context) -> Result<()> {
+        keys::check("voxel_um", self.voxel_um, parse_micrometres)?;
+        keys::check("levels", self.levels, whole::<u8>(1..=8))?;
+        if self.fabric.as_os_str().is_empty() {
+            return Err(of_option("fabric", "expected a fabric file"));
+        }
+        self.check_options(self.file(), format_of(self.file())?)
+    }
+
+    fn work(job: &Job<Voxelize>) -> Result<Volume> {
+        let started = Instant::now();
+        let (fabric, octree) = watched(&job.context, |loader| octree(job, loader))?;
+        let volume = Volume {
+            file: job.file().to_owned(),
+            level: job.level,
+            half: job.half,
+            raw: job.raw,
+            started,
+            context: job.context.clone(),
+            fabric,
+            octree,
+        };
+        volume.check_memory(format_of(&volume.file)?)?;
+        Ok(volume)
     }
 }
 
@@ -101,31 +107,14 @@ fn format_of(path: &Path) -> Result<&'static Format> {
     let name = path.to_string_lossy();
     format::by_name(&name).ok_or_else(|| {
         let endings: Vec<String> = FORMATS.iter().map(|f| format!(".{}", f.ending)).collect();
-        let why = format!("expected a name that ends in {}", or_list(&endings));
+        let why = format!("expected a name that ends in {}", output::or_list(&endings));
         of_file(path, why)
     })
-}
-
-/// Names with "or" before the last.
-fn or_list(names: &[String]) -> String {
-    match names {
-        [before @ .., last] if !before.is_empty() => format!("{} or {last}", before.join(", ")),
-        names => names.join(", "),
-    }
 }
 
 impl Voxelize {
     fn file(&self) -> &Path {
         self.file.as_deref().unwrap_or(Path::new("volume.ovox"))
-    }
-
-    fn check(&self) -> Result<()> {
-        keys::check("voxel_um", self.voxel_um, parse_micrometres)?;
-        keys::check("levels", self.levels, whole::<u8>(1..=8))?;
-        if self.fabric.as_os_str().is_empty() {
-            return Err(of_option("fabric", "expected a fabric file"));
-        }
-        self.check_options(self.file(), format_of(self.file())?)
     }
 
     /// Refuses options that the format would silently ignore.
@@ -143,7 +132,8 @@ impl Voxelize {
             if given && !format.options.contains(&option) {
                 let takers = FORMATS.iter().filter(|f| f.options.contains(&option));
                 let takers: Vec<String> = takers.map(|f| format!(".{}", f.ending)).collect();
-                let (takers, ending, keeps) = (or_list(&takers), format.ending, format.keeps);
+                let (takers, ending, keeps) =
+                    (output::or_list(&takers), format.ending, format.keeps);
                 let why = format!("{flag} is for {takers}; .{ending} keeps {keeps}");
                 return Err(of_file(path, why));
             }

@@ -79,19 +79,10 @@ impl Named {
     /// No such file or weave, or a file that cannot be read.
     fn of(word: &str, overrides: &[String], loader: &Loader<'_>) -> Result<Named> {
         let path = Path::new(word);
-        let is_toml = path
-            .extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-        if let (Some(set), false) = (overrides.first(), is_toml) {
-            return Err(after_option(
-                "set",
-                format!("{set}: {word} has no keys to override; only a fabric file (.toml) has"),
-            ));
-        }
         if let Some(draft) = subject::draft_of(path, loader)? {
             return Ok(Named::Draft(draft));
         }
-        if is_toml {
+        if ending_of(path) == "toml" {
             let fabric = fabric_file::load(path, overrides, loader)?;
             return Ok(Named::Fabric(Box::new(fabric)));
         }
@@ -117,28 +108,78 @@ impl Request for Weave {
     const NAME: &'static str = "weave";
     type Output = Woven;
 
-    fn run(&self, context: &Context) -> Result<Woven, Error> {
-        keys::check("cell_px", [self.cell_px], whole::<u32>(1..=1024))
-            .map_err(anyhow::Error::new)?;
-        Job::run(self, context, |job| {
-            if job.draft.is_empty() {
-                return Err(of_option("draft", "expected a draft, a fabric or a weave"));
-            }
-            let loader = job.context.loader();
-            let named = Named::of(&job.draft, &job.set, &loader)?;
-            let warnings = match &named {
-                Named::Draft(d) => &d.draft.warnings[..],
-                Named::Fabric(f) => f.cloth.warnings(),
-            };
-            for warning in warnings {
-                job.context.warn(format!("{}: {warning}", job.draft));
-            }
-            job.context.check_outputs(&loader)?;
-            Ok(Woven {
-                request: job.request.clone(),
-                named,
-            })
+    fn prepare_for(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
+        self.check_output(path)?;
+        output::check_writable(path)?;
+        Ok(vec![path.to_owned()])
+    }
+
+    fn check(&self, _: &Context) -> Result<()> {
+        keys::check("cell_px", [self.cell_px], whole::<u32>(1..=1024))?;
+        if self.draft.is_empty() {
+            return Err(of_option("draft", "expected a draft, a fabric or a weave"));
+        }
+        if let (Some(set), false) = (self.set.first(), self.is_fabric()) {
+            let word = &self.draft;
+            return Err(after_option(
+                "set",
+                format!("{set}: {word} has no keys to override; only a fabric file (.toml) has"),
+            ));
+        }
+        Ok(())
+    }
+
+    fn work(job: &Job<Weave>) -> Result<Woven> {
+        let loader = job.context.loader();
+        let named = Named::of(&job.draft, &job.set, &loader)?;
+        let warnings = match &named {
+            Named::Draft(d) => &d.draft.warnings[..],
+            Named::Fabric(f) => f.cloth.warnings(),
+        };
+        for warning in warnings {
+            job.context.warn(format!("{}: {warning}", job.draft));
+        }
+        job.context.check_outputs(&loader)?;
+        Ok(Woven {
+            request: job.request.clone(),
+            named,
         })
+    }
+}
+
+/// Endings of files of curves.
+const CURVES: [&str; 3] = ["obj", "txt", "bcc"];
+
+/// The ending of a name in lower case.
+fn ending_of(path: &Path) -> String {
+    let ending = path.extension().unwrap_or_default();
+    ending.to_string_lossy().to_lowercase()
+}
+
+impl Weave {
+    /// Whether it names a fabric file; else it can only be a draft.
+    fn is_fabric(&self) -> bool {
+        ending_of(Path::new(&self.draft)) == "toml"
+    }
+
+    /// Refuses a file that cannot show what is named.
+    fn check_output(&self, path: &Path) -> Result<()> {
+        let [obj, txt, bcc] = CURVES;
+        output::check_ending(path, &["png", "toml", obj, txt, bcc])?;
+        let ending = &*ending_of(path);
+        let why = match self.is_fabric() {
+            true if ending == "toml" => {
+                "is a fabric file already; a fabric is written for a draft or a weave"
+            }
+            false if self.level.is_some() => {
+                "a draft has no curves for --level; name a fabric file (.toml)"
+            }
+            false if CURVES.contains(&ending) => {
+                "a draft has no curves; name a fabric file (.toml)"
+            }
+            _ => return Ok(()),
+        };
+        Err(of_file(&self.draft, why))
     }
 }
 
@@ -193,32 +234,19 @@ impl Output for Woven {
 }
 
 fn write(args: &Weave, named: &Named, path: &Path) -> Result<()> {
-    let ending = path.extension().map(|e| e.to_ascii_lowercase());
-    let ending = ending.as_ref().and_then(|e| e.to_str()).unwrap_or("");
+    args.check_output(path)?;
     let level = args.level.unwrap_or(CurveLevelName::Yarn).of_cloth();
-    match (ending, named) {
-        (_, Named::Draft(_)) if args.level.is_some() => Err(of_file(
-            &args.draft,
-            "a draft has no curves for --level; name a fabric file (.toml)",
-        )),
-        ("png", Named::Draft(d)) => write_png(path, &d.draft.picture(args.cell_px)),
+    match (&*ending_of(path), named) {
         ("toml", Named::Draft(d)) => {
             let text = d.fabric_in(path.parent().unwrap_or(Path::new("")))?;
-            output::write_file(path, |out| Ok(out.write_all(text.as_bytes())?))
+            output::write_bytes(path, text.as_bytes())
         }
-        ("toml", Named::Fabric(_)) => Err(of_file(
-            &args.draft,
-            "is a fabric file already; a fabric is written for a draft or a weave",
-        )),
+        (_, Named::Draft(d)) => write_png(path, &d.draft.picture(args.cell_px)),
         ("png", Named::Fabric(f)) => match (f.cloth.draft(), args.level) {
             (Some(draft), None) => write_png(path, &draft.picture(args.cell_px)),
             _ => write_png(path, &f.cloth.picture(level, f.cloth.default_picture_mm())),
         },
-        ("obj" | "txt" | "bcc", Named::Draft(_)) => Err(of_file(
-            &args.draft,
-            "a draft has no curves; name a fabric file (.toml)",
-        )),
-        ("obj" | "txt" | "bcc", Named::Fabric(f)) => {
+        (ending, Named::Fabric(f)) => {
             let curves = f.cloth.curves(level);
             output::write_file(path, |mut out| {
                 match ending {
@@ -229,10 +257,6 @@ fn write(args: &Weave, named: &Named, path: &Path) -> Result<()> {
                 .context("writing the curves failed")
             })
         }
-        _ => Err(of_file(
-            path,
-            "expected a name that ends in .png, .toml, .obj, .txt or .bcc",
-        )),
     }
 }
 

@@ -1,7 +1,7 @@
 //! A draft from a picture of two colours, one pixel for each crossing: point paper.
 
+use crate::error::InputError;
 use crate::memory::free_memory_bytes;
-use crate::read;
 use organza_weave::spec::DraftSpec;
 
 /// Linear brightness up to which a pixel is black, and from which it is white.
@@ -12,16 +12,17 @@ const WHITE: f32 = 0.6;
 /// are warp on the face, the lowest row is the first pick.
 ///
 /// # Errors
-/// `draft.picture: ` and what is wrong with it.
+/// Names the key, and what is wrong with the picture.
 pub(crate) fn resolved(
     spec: &DraftSpec,
     open: &dyn Fn(&str) -> std::io::Result<Vec<u8>>,
-) -> Result<DraftSpec, String> {
+) -> Result<DraftSpec, InputError> {
     let mut spec = spec.clone();
     let Some(name) = spec.picture.take() else {
         return Ok(spec);
     };
-    let fail = |why: String| format!("draft.picture: {name}: {why}");
+    let at = |e: InputError| e.at_key("draft.picture");
+    let fail = |why: String| at(InputError::of_file(&name, why));
     let others = [
         &spec.weave,
         &spec.wif,
@@ -32,7 +33,7 @@ pub(crate) fn resolved(
     if spec.drawdown.is_some() || others.into_iter().any(Option::is_some) {
         return Err(fail("expected no other kind of draft beside it".into()));
     }
-    let bytes = open(&name).map_err(|e| fail(read::io_message(&e)))?;
+    let bytes = open(&name).map_err(|e| at(InputError::of_io(&name, &e)))?;
     let decoded = organza_picture::decode(&bytes, free_memory_bytes());
     let (picture, _) = decoded.map_err(|e| fail(e.to_string()))?;
     let width = picture.size.x as usize;
@@ -68,7 +69,7 @@ mod tests {
     use organza_basis::Rgb;
     use organza_picture::{Picture, exr};
 
-    fn drafted(values: &[f32]) -> Result<DraftSpec, String> {
+    fn drafted(values: &[f32]) -> Result<DraftSpec, InputError> {
         let pixels = values.iter().map(|&v| Rgb::splat(v)).collect();
         let mut bytes = std::io::Cursor::new(Vec::new());
         let size = UVec2::new(3, 2);
@@ -91,6 +92,7 @@ mod tests {
     #[test]
     fn grey_pixels_are_refused() {
         let why = drafted(&[0.0, 1.0, 1.0, 1.0, 0.3, 0.0]).unwrap_err();
+        let why = why.to_string();
         assert!(
             why.starts_with("draft.picture: points.exr: expected black and white"),
             "{why}"

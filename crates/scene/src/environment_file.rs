@@ -1,8 +1,8 @@
 //! Pictures of all directions, from files.
 
+use crate::error::{InputError, Result};
 use crate::loader::Loader;
 use crate::memory::free_memory_bytes;
-use crate::read;
 use glam::UVec2;
 use organza_basis::Rgb;
 use organza_picture::{Format, PictureError};
@@ -18,11 +18,9 @@ pub fn decode(
     path: &Path,
     max_memory_bytes: Option<u64>,
     loader: &Loader<'_>,
-) -> Result<(UVec2, Vec<Rgb>), String> {
-    let fail = |why: &str| format!("{}: {why}", path.display());
-    let bytes = loader
-        .bytes_or_why(path)
-        .map_err(|e| fail(&read::io_message(&e)))?;
+) -> Result<(UVec2, Vec<Rgb>)> {
+    let fail = |why: &str| InputError::of_file(path, why);
+    let bytes = loader.bytes(path)?;
     let expected = || {
         let formats = Format::list(|f| f.is_linear && f.reader.is_some());
         fail(&format!("expected an {formats} picture"))
@@ -60,7 +58,7 @@ mod tests {
         let path = std::env::temp_dir().join(name);
         std::fs::write(&path, out.get_ref()).unwrap();
         let decode = |allowed| decode(&path, Some(allowed), &Loader::new());
-        let refused = decode(1 << 20).unwrap_err();
+        let refused = decode(1 << 20).unwrap_err().to_string();
         // The known-bad twin: with more memory it is read, without negative values.
         let read = decode(1 << 24);
         std::fs::remove_file(&path).unwrap();

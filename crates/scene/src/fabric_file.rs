@@ -152,8 +152,7 @@ fn build(
 ) -> Result<Parts> {
     file.check()
         .map_err(|why| InputError::keyed(why).in_file(path))?;
-    let draft = draft_picture::resolved(&file.draft, open)
-        .map_err(|why| InputError::keyed(why).in_file(path))?;
+    let draft = draft_picture::resolved(&file.draft, open).map_err(|e| e.in_file(path))?;
     let geometry = FabricGeometry {
         draft,
         warp: file.warp.clone(),
@@ -181,7 +180,8 @@ fn build(
         }
         Some(spec) => {
             let fail = |why: String| InputError::keyed(why).in_file(path);
-            let volumes = woven_volume::read_all(&spec.exemplars, open).map_err(fail)?;
+            let volumes = woven_volume::read_all(&spec.exemplars, open);
+            let volumes = volumes.map_err(|e| e.in_file(path))?;
             let named = spec.exemplars.iter().zip(&volumes);
             let named =
                 named.filter_map(|(name, v)| Some((name.clone(), v.as_ref()?.exemplar.clone())));
@@ -202,7 +202,7 @@ fn build(
         }
     };
     if let Some(spec) = &file.print {
-        let fail = |why: String| InputError::of_key(path, "print.image", why);
+        let fail = |e: InputError| e.at_key("print.image").in_file(path);
         let image = print_file::decode(&spec.image, open).map_err(fail)?;
         cloth.print(spec, &image).map_err(failed)?;
     }

@@ -84,4 +84,51 @@ mod tests {
         let words = loaded(&SCENE.replace("given", "other"), &fabric).unwrap_err();
         assert!(words.contains("no such file"), "{words}");
     }
+
+    #[test]
+    fn a_file_that_a_key_names_is_known_to_be_missing() {
+        let fabric = |draft: &str, more: &str| {
+            format!(
+                "[draft]\n{draft}\n[warp]\nyarn = 'a'\nper_cm = 24.0\n[weft]\nyarn = 'a'\n\
+                 per_cm = 22.0\n[yarn.a]\npreset = 'cotton'\ntex = 30.0\n{more}"
+            )
+        };
+        let plain = fabric("weave = 'plain'", "");
+        let with = |more: &str| format!("{SCENE}{more}");
+        let print = "[print]\nimage = 'none.png'\n";
+        let sky = "[[light]]\nkind = 'environment'\nfile = 'none.exr'\n";
+        let volume = "[[object]]\nkind = 'volume'\nfile = 'none.ovox'\n";
+        for (scene, fabric, key) in [
+            (
+                SCENE.to_owned(),
+                fabric("picture = 'none.png'", ""),
+                "draft.picture",
+            ),
+            (
+                SCENE.to_owned(),
+                fabric("wif = 'none.wif'", ""),
+                "draft.wif",
+            ),
+            (
+                SCENE.to_owned(),
+                fabric("weave = 'plain'", print),
+                "print.image",
+            ),
+            (with(sky), plain.clone(), "light[0]"),
+            (
+                with("mesh = 'none.obj'\nmm_per_uv = 10.0\n"),
+                plain.clone(),
+                "none.obj",
+            ),
+            (with(volume), plain.clone(), "none.ovox"),
+            (SCENE.replace("given", "none"), plain.clone(), "object[0]"),
+        ] {
+            let path = folder().join("no_such_scene.toml");
+            let texts = [(path.clone(), scene), (folder().join("given.toml"), fabric)];
+            let loader = Loader::new().with_given(Arc::new(texts.into_iter().collect()));
+            let built = load(&path, &[], &loader).and_then(|l| l.build(None, &loader));
+            let why = built.err().unwrap();
+            assert!(why.is_missing && why.to_string().contains(key), "{why:?}");
+        }
+    }
 }

@@ -166,7 +166,7 @@ impl<'p> Loader<'p> {
     }
 
     /// Length of a file, bytes; `None` where there is none.
-    pub(crate) fn file_bytes(&self, path: &Path) -> Option<u64> {
+    pub fn file_bytes(&self, path: &Path) -> Option<u64> {
         if let Some(bytes) = self.given.get(path) {
             return Some(bytes.len() as u64);
         }

@@ -1,8 +1,8 @@
 //! The picture that a fabric file prints on its cloth.
 
+use crate::error::{InputError, Result};
 use crate::memory::free_memory_bytes;
 use crate::optics::{OpticsFile, OpticsList};
-use crate::read;
 use organza_weave::PrintImage;
 
 /// Reads the picture of `[print]` in linear colours.
@@ -12,11 +12,10 @@ use organza_weave::PrintImage;
 pub(crate) fn decode(
     name: &str,
     open: &dyn Fn(&str) -> std::io::Result<Vec<u8>>,
-) -> Result<PrintImage, String> {
-    let fail = |why: String| format!("{name}: {why}");
-    let bytes = open(name).map_err(|e| fail(read::io_message(&e)))?;
+) -> Result<PrintImage> {
+    let bytes = open(name).map_err(|e| InputError::of_io(name, &e))?;
     let decoded = organza_picture::decode(&bytes, free_memory_bytes());
-    let (picture, _) = decoded.map_err(|e| fail(e.to_string()))?;
+    let (picture, _) = decoded.map_err(|e| InputError::of_file(name, e))?;
     Ok(PrintImage {
         size: picture.size.to_array(),
         pixels: picture.pixels,

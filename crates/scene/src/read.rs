@@ -242,7 +242,7 @@ pub(crate) fn without_line(e: InputError) -> InputError {
 }
 
 /// 1-based line and column (in characters) of a byte offset.
-fn line_and_column(source: &str, offset: usize) -> (usize, usize) {
+pub fn line_and_column(source: &str, offset: usize) -> (usize, usize) {
     let before = source.get(..offset).unwrap_or(source);
     let line = before.matches('\n').count() + 1;
     let column = before.chars().rev().take_while(|&c| c != '\n').count() + 1;

@@ -333,8 +333,7 @@ fn woven_draft(path: &Path, file: &FabricFile, loader: &Loader<'_>) -> Result<Op
         return Ok(None);
     }
     let open = |name: &str| loader.bytes_or_why(&read::beside(path, name));
-    let spec =
-        draft_picture::resolved(spec, &open).map_err(|why| InputError::keyed(why).in_file(path))?;
+    let spec = draft_picture::resolved(spec, &open).map_err(|e| e.in_file(path))?;
     Draft::of_spec(&spec, &open)
         .map(Some)
         .map_err(|e| InputError::from(e).in_file(path))

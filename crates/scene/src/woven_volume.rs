@@ -1,7 +1,7 @@
 //! A volume of woven cloth as an exemplar: its threads, how they interlace, and where they run.
 
+use crate::error::InputError;
 use crate::memory::free_memory_bytes;
-use crate::read;
 use glam::{UVec2, Vec3};
 use organza_basis::{Budget, FibrePopulation, SegmentSource};
 use organza_volume::{Octree, ovox};
@@ -225,15 +225,16 @@ impl WovenVolume {
 pub fn read_all(
     names: &[String],
     open: &dyn Fn(&str) -> std::io::Result<Vec<u8>>,
-) -> Result<Vec<Option<WovenVolume>>, String> {
+) -> Result<Vec<Option<WovenVolume>>, InputError> {
     let is_volume = |name: &str| name.to_ascii_lowercase().ends_with(".ovox");
     let read = |name: &String| {
         if !is_volume(name) {
             return Ok(None);
         }
-        let fail = |why: String| format!("synthesis.exemplars: {name}: {why}");
-        let bytes = open(name).map_err(|e| fail(read::io_message(&e)))?;
-        let volume = WovenVolume::read(&bytes, free_memory_bytes()).map_err(fail)?;
+        let at = |e: InputError| e.at_key("synthesis.exemplars");
+        let bytes = open(name).map_err(|e| at(InputError::of_io(name, &e)))?;
+        let volume = WovenVolume::read(&bytes, free_memory_bytes())
+            .map_err(|why| at(InputError::of_file(name, why)))?;
         Ok(Some(volume))
     };
     names.iter().map(read).collect()

@@ -8,6 +8,7 @@ use anyhow::Result;
 use organza_scene::GivenFiles;
 use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
+use organza_scene::patches::PatchOptions;
 use std::ffi::OsString;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -158,6 +159,21 @@ impl Context {
         Context {
             given: Arc::new(all),
             ..self.clone()
+        }
+    }
+
+    /// How a patch of cloth is built: its finest voxels, if not the fabric's, and its level.
+    pub fn patch_options<'a>(
+        &self,
+        loader: &'a Loader<'a>,
+        voxel_um: Option<f32>,
+        level: u8,
+    ) -> PatchOptions<'a> {
+        PatchOptions {
+            loader,
+            voxel_um,
+            level,
+            max_memory_bytes: self.max_memory_bytes,
         }
     }
 

@@ -7,7 +7,7 @@ use crate::output;
 use crate::version;
 use anyhow::Result;
 use organza_cache::{Description, Key, decode, encode};
-use organza_scene::read;
+use organza_scene::loader::Loader;
 use organza_transport::KeptLight;
 use std::path::Path;
 
@@ -44,17 +44,23 @@ pub fn write(path: &Path, key: &Key, scene: &Path, light: &KeptLight) -> Result<
 ///
 /// # Errors
 /// The file cannot be read, is damaged, too large, or of another scene or program.
-pub fn read(path: &Path, key: &Key, scene: &Path, most_bytes: u64) -> Result<KeptLight> {
+pub fn read(
+    path: &Path,
+    key: &Key,
+    scene: &Path,
+    most_bytes: u64,
+    loader: &Loader<'_>,
+) -> Result<KeptLight> {
     let fail = |why: String| of_file(path, why);
     // What cannot be looked at cannot be read either, which says why.
-    let size = std::fs::metadata(path).map_or(0, |about| about.len());
+    let size = loader.file_bytes(path).unwrap_or(0);
     if size > most_bytes {
         return Err(fail(format!(
             "holds {} MiB of light; an eighth of render.cache_mib may be loaded",
             size.div_ceil(1 << 20),
         )));
     }
-    let bytes = read::bytes(path)?;
+    let bytes = loader.bytes(path)?;
     let bytes = decode(bytes, key).map_err(|why| match why {
         "belongs to another key" => fail(format!(
             "is light of another cloth, of other lights, or by another program than those of {}; \

@@ -147,13 +147,17 @@ fn of_name<T: ValueEnum, E: Error>(name: &str) -> Result<T, E> {
     T::from_str(name, false).map_err(|_| {
         let all = T::value_variants().iter().filter_map(T::to_possible_value);
         let all: Vec<String> = all.map(|value| value.get_name().to_owned()).collect();
-        let near = organza_basis::nearest_name(name, all.iter().map(String::as_str));
-        let near = near.map_or(String::new(), |near| format!("; did you mean \"{near}\"?"));
-        E::custom(format!(
-            "expected one of {}, found \"{name}\"{near}",
-            all.join(", ")
-        ))
+        not_one_of(name, &all)
     })
+}
+
+/// The error of a name that is none of these, with the nearest one.
+pub(crate) fn not_one_of<E: Error>(name: &str, all: &[impl AsRef<str>]) -> E {
+    let all: Vec<&str> = all.iter().map(AsRef::as_ref).collect();
+    let near = organza_basis::nearest_name(name, all.iter().copied());
+    let near = near.map_or(String::new(), |near| format!("; did you mean \"{near}\"?"));
+    let all = all.join(", ");
+    E::custom(format!("expected one of {all}, found \"{name}\"{near}"))
 }
 
 /// Overrides: a table from dotted keys to values, or a list of `key.path=value`.

@@ -4,6 +4,7 @@
 use crate::error::input;
 use crate::journal::{Journal, Record, Work};
 use anyhow::{Context, Result};
+use organza_measure::{Measured, Pair, PairValue};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -112,6 +113,29 @@ impl NumberJournal {
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("the journal failed")]
 pub struct JournalError;
+
+/// How many numbers a value of a pair is.
+pub const PAIR_NUMBERS: usize = 6;
+
+/// Values of pairs as numbers: means and standard errors.
+pub fn pair_numbers(list: &[PairValue]) -> Vec<f64> {
+    let numbers = |v: &PairValue| [v.bsdf.mean, v.bsdf.se].concat();
+    list.iter().flat_map(numbers).collect()
+}
+
+/// The values of pairs, of so many paths each, that [`pair_numbers`] made numbers of.
+pub fn pair_values(pairs: &[Pair], paths: u64, numbers: &[f64]) -> Vec<PairValue> {
+    let each = pairs.iter().zip(numbers.chunks_exact(PAIR_NUMBERS));
+    let value = |(pair, v): (&Pair, &[f64])| PairValue {
+        pair: *pair,
+        bsdf: Measured {
+            mean: [v[0], v[1], v[2]],
+            se: [v[3], v[4], v[5]],
+        },
+        paths,
+    };
+    each.map(value).collect()
+}
 
 #[cfg(test)]
 mod tests {

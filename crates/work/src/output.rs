@@ -2,8 +2,8 @@
 
 use crate::error::{of_file, of_io};
 use anyhow::{Context, Result};
+use organza_cache::temporary;
 use organza_scene::read::io_message;
-use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
@@ -12,15 +12,9 @@ use tempfile::NamedTempFile;
 pub trait SeekWrite: Write + Seek {}
 impl<T: Write + Seek> SeekWrite for T {}
 
-/// Ending of the files that are written before they get their names.
-const TEMPORARY: &str = ".tmp";
-
 /// Characters of an output's name that its temporary file repeats: with what
 /// follows, the longest name that file systems take stays within their limit.
 const REPEATED_CHARS: usize = 48;
-
-/// Names of a folder that are looked through for temporary files of killed runs.
-const MAX_NAMES: usize = 100_000;
 
 /// Writes a file under a temporary name and flushes it to the disk.
 fn write_temporary(
@@ -29,7 +23,7 @@ fn write_temporary(
 ) -> Result<NamedTempFile> {
     let cannot = || format!("cannot write {}", path.display());
     refuse_special(path)?;
-    remove_left_over(path);
+    temporary::remove_left_over(folder_of(path), &temporary_prefix(path));
     let temporary = temporary_file(path)
         .map_err(without_path)
         .with_context(cannot)?;
@@ -55,6 +49,14 @@ fn complete(temporary: NamedTempFile, path: &Path) -> Result<()> {
 /// Names the file; nothing is left behind.
 pub fn write_file(path: &Path, write: impl FnOnce(&mut dyn SeekWrite) -> Result<()>) -> Result<()> {
     complete(write_temporary(path, write)?, path)
+}
+
+/// Writes a file of these bytes.
+///
+/// # Errors
+/// Names the file; nothing is left behind.
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_file(path, |out| Ok(out.write_all(bytes)?))
 }
 
 /// What writes one of several files.
@@ -86,62 +88,22 @@ pub fn write_files(files: Vec<(PathBuf, WriteFile<'_>)>) -> Result<Vec<PathBuf>>
 }
 
 /// The folder of a file's name.
-fn folder_of(path: &Path) -> &Path {
+pub(crate) fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     }
 }
 
-/// What the names of a file's temporary files begin with.
-fn temporary_prefix(path: &Path) -> String {
+/// What the names of the temporary files of a file, or of the folders of a folder, begin with.
+pub(crate) fn temporary_prefix(path: &Path) -> String {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     name.chars().take(REPEATED_CHARS).collect::<String>() + "."
 }
 
-/// A new file in the same folder, so that the rename cannot cross a file system,
-/// under a random name that no other run has, on this or another machine. It is
-/// locked, which shows other runs that it is in use.
+/// A new file in the same folder, so that the rename cannot cross a file system.
 fn temporary_file(path: &Path) -> std::io::Result<NamedTempFile> {
-    let prefix = temporary_prefix(path);
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix).suffix(TEMPORARY).rand_bytes(12);
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o666)); // less the umask
-    }
-    loop {
-        let file = builder.tempfile_in(folder_of(path))?;
-        // Another run may have taken it for left over before it was locked.
-        let _ = file.as_file().try_lock();
-        if file.path().exists() {
-            return Ok(file);
-        }
-    }
-}
-
-/// Removes the temporary files of an output that killed runs left: those that no
-/// process holds a lock on.
-fn remove_left_over(path: &Path) {
-    let prefix = temporary_prefix(path);
-    let Ok(names) = std::fs::read_dir(folder_of(path)) else {
-        return;
-    };
-    for entry in names.take(MAX_NAMES).flatten() {
-        let name = entry.file_name();
-        let name = name.to_string_lossy();
-        let middle = name.strip_prefix(prefix.as_str());
-        let middle = middle.and_then(|rest| rest.strip_suffix(TEMPORARY));
-        let is_ours = middle.is_some_and(|m| m.len() == 12 && m.chars().all(char::is_alphanumeric));
-        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
-        if is_ours && is_file {
-            let file = File::options().read(true).open(entry.path());
-            if file.is_ok_and(|f| f.try_lock().is_ok()) {
-                let _ = std::fs::remove_file(entry.path());
-            }
-        }
-    }
+    temporary::file(folder_of(path), &temporary_prefix(path))
 }
 
 /// Devices and pipes keep their place: a rename would put a file there instead.
@@ -264,6 +226,29 @@ pub fn make_folder(path: &Path) -> Result<()> {
         | ReadOnlyFilesystem => Err(of_io(path, &e)),
         _ => Err(e).with_context(|| format!("cannot write {}", path.display())),
     }
+}
+
+/// Names with "or" before the last.
+pub fn or_list(names: &[impl AsRef<str>]) -> String {
+    let names: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
+    match &names[..] {
+        [before @ .., last] if !before.is_empty() => format!("{} or {last}", before.join(", ")),
+        names => names.concat(),
+    }
+}
+
+/// Refuses a name that has none of these endings.
+///
+/// # Errors
+/// Names the file and the endings.
+pub fn check_ending(path: &Path, endings: &[&str]) -> Result<()> {
+    let has = |own: &std::ffi::OsStr| endings.iter().any(|e| own.eq_ignore_ascii_case(e));
+    if path.extension().is_some_and(has) {
+        return Ok(());
+    }
+    let endings: Vec<String> = endings.iter().map(|e| format!(".{e}")).collect();
+    let why = format!("expected a name that ends in {}", or_list(&endings));
+    Err(of_file(path, why))
 }
 
 /// Refuses early what could not be written in the end.

@@ -1,19 +1,11 @@
 //! Folders of files that belong together: they appear together or not at all.
 
-use crate::output::{WriteFile, make_folder, write_files};
+use crate::output::{WriteFile, folder_of, make_folder, temporary_prefix, write_files};
 use anyhow::{Context, Result};
+use organza_cache::temporary::{self, TemporaryFolder};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-
-/// Ending of a folder that is filled before it gets its name.
-const TEMPORARY: &str = ".tmp";
-
-/// File in such a folder that is locked while a run fills it.
-const LOCK: &str = "lock";
-
-/// Entries of a folder that are looked through for what killed runs left.
-const MAX_NAMES: usize = 100_000;
 
 /// Writes files, by their paths within a folder. A new folder is filled under a temporary name
 /// and appears whole. In a folder that is there, and not empty, the files get their names when
@@ -30,27 +22,12 @@ pub fn write_folder(path: &Path, files: &[(String, Vec<u8>)]) -> Result<()> {
         return replace(path, files);
     }
     let cannot = || format!("cannot write {}", path.display());
-    let parent = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
+    let (parent, prefix) = (folder_of(path), temporary_prefix(path));
     make_folder(parent)?;
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let prefix = name.chars().take(48).collect::<String>() + ".";
-    remove_left_over(parent, &prefix);
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix).suffix(TEMPORARY).rand_bytes(12);
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o777)); // less the umask
-    }
-    let temporary = builder.tempdir_in(parent).with_context(cannot)?;
-    let lock_path = temporary.path().join(LOCK);
-    let lock = File::create(&lock_path).with_context(cannot)?;
-    let _ = lock.try_lock();
+    temporary::remove_left_over(parent, &prefix);
+    let folder = TemporaryFolder::new(parent, &prefix).with_context(cannot)?;
     for (name, bytes) in files {
-        let place = temporary.path().join(name);
+        let place = folder.path().join(name);
         if let Some(folder) = place.parent() {
             std::fs::create_dir_all(folder).with_context(cannot)?;
         }
@@ -58,14 +35,7 @@ pub fn write_folder(path: &Path, files: &[(String, Vec<u8>)]) -> Result<()> {
         file.write_all(bytes).with_context(cannot)?;
         file.sync_all().with_context(cannot)?;
     }
-    std::fs::remove_file(&lock_path).with_context(cannot)?;
-    if path.exists() {
-        std::fs::remove_dir(path).with_context(cannot)?;
-    }
-    std::fs::rename(temporary.path(), path).with_context(cannot)?;
-    // It has another name now, so that there is nothing to remove.
-    let _ = temporary.keep();
-    Ok(())
+    folder.complete(path).with_context(cannot)
 }
 
 fn replace(path: &Path, files: &[(String, Vec<u8>)]) -> Result<()> {
@@ -81,27 +51,6 @@ fn replace(path: &Path, files: &[(String, Vec<u8>)]) -> Result<()> {
         list.push((place, Box::new(write)));
     }
     write_files(list).map(|_| ())
-}
-
-/// Removes the temporary folders that killed runs left: those whose lock no process holds.
-fn remove_left_over(parent: &Path, prefix: &str) {
-    let Ok(names) = std::fs::read_dir(parent) else {
-        return;
-    };
-    for entry in names.take(MAX_NAMES).flatten() {
-        let name = entry.file_name();
-        let name = name.to_string_lossy();
-        let middle = name.strip_prefix(prefix);
-        let middle = middle.and_then(|rest| rest.strip_suffix(TEMPORARY));
-        let is_ours = middle.is_some_and(|m| m.len() == 12 && m.chars().all(char::is_alphanumeric));
-        let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
-        if is_ours && is_folder {
-            let lock = File::options().write(true).open(entry.path().join(LOCK));
-            if lock.is_ok_and(|f| f.try_lock().is_ok()) {
-                let _ = std::fs::remove_dir_all(entry.path());
-            }
-        }
-    }
 }
 
 #[cfg(test)]
@@ -120,7 +69,7 @@ mod tests {
         let out = root.path().join("out");
         let left = root.path().join("out.a1B2c3D4e5F6.tmp");
         std::fs::create_dir(&left).unwrap();
-        std::fs::write(left.join(LOCK), "").unwrap();
+        std::fs::write(left.join("lock"), "").unwrap();
         std::fs::write(left.join("half"), "").unwrap();
         let foreign = root.path().join("out.notes.tmp");
         std::fs::create_dir(&foreign).unwrap();

@@ -39,12 +39,7 @@ fn of_name<E: Error>(name: &str) -> Result<PatchModel, E> {
     }
     let found = Representation::named(name).map(PatchModel::Is);
     found.ok_or_else(|| {
-        let all = REPRESENTATIONS.map(|r| r.name);
-        let near = organza_basis::nearest_name(name, all);
-        let near = near.map_or(String::new(), |near| format!("; did you mean \"{near}\"?"));
-        let all = all.join(", ");
-        E::custom(format!(
-            "expected {OWN} or one of {all}, found \"{name}\"{near}"
-        ))
+        let others = REPRESENTATIONS.map(|r| r.name);
+        keys::not_one_of(name, &[&[OWN], &others[..]].concat())
     })
 }

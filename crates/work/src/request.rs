@@ -2,6 +2,7 @@
 
 use crate::context::Context;
 use crate::error::{Error, InputError};
+use crate::job::Job;
 use crate::output;
 use crate::results::Results;
 use organza_scene::file_kind::Wanted;
@@ -10,12 +11,12 @@ use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 
 /// A piece of work with all that decides its result.
-pub trait Request: DeserializeOwned {
+pub trait Request: Clone + DeserializeOwned + Send + Sync {
     /// Its name, which is that of the command.
     const NAME: &'static str;
 
     /// What is found.
-    type Output: Output;
+    type Output: Output + Send;
 
     /// Prepares for output at this path: the ending of a file decides what it must hold. Returns what
     /// will be written there, for [`Context::outputs`].
@@ -27,11 +28,28 @@ pub trait Request: DeserializeOwned {
         Ok(vec![path.to_owned()])
     }
 
-    /// Does the work.
+    /// Refuses what is wrong whatever its input files hold: values out of range, keys that contradict
+    /// each other, files that would be lost. It reads none of these files, which an earlier request may
+    /// still have to write.
+    ///
+    /// # Errors
+    /// Names the key or the file.
+    fn check(&self, context: &Context) -> anyhow::Result<()>;
+
+    /// Does the work of a request that was checked.
     ///
     /// # Errors
     /// Wrong input, work that fails, or a stop.
-    fn run(&self, context: &Context) -> Result<Self::Output, Error>;
+    fn work(job: &Job<Self>) -> anyhow::Result<Self::Output>;
+
+    /// Checks the request and does its work, on the threads of the context.
+    ///
+    /// # Errors
+    /// Wrong input, work that fails, or a stop.
+    fn run(&self, context: &Context) -> Result<Self::Output, Error> {
+        self.check(context)?;
+        Job::run(self, context, Self::work)
+    }
 
     /// Reads a request from a table, whose keys are the fields of the request.
     ///

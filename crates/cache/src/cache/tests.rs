@@ -125,7 +125,7 @@ fn files_of_others_and_of_living_processes_stay() {
     let cache = cache(folder.path(), 1 << 20);
     std::fs::write(folder.path().join("notes.txt"), "mine").unwrap();
     std::fs::write(folder.path().join("new.a1B2c3D4e5F6.tmp"), "half").unwrap();
-    let living = temporary_file(folder.path()).unwrap();
+    let living = temporary::file(folder.path(), TEMPORARY).unwrap();
     write(&cache, "x", b"result");
     cache.remove_above(0).unwrap();
     assert!(living.path().exists());

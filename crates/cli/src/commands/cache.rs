@@ -80,11 +80,10 @@ fn list(args: &ListArgs) -> Result<()> {
     let cache = cache(args.cache.as_ref())?;
     let entries = entries(&cache)?;
     let now = SystemTime::now();
-    let text = match args.json {
-        true => serde_json::to_string_pretty(&as_json(&cache, &entries, now))? + "\n",
-        false => as_table(&cache, &entries, now),
-    };
-    terminal::print(&text)
+    match args.json {
+        true => terminal::print_json(&as_json(&cache, &entries, now)),
+        false => terminal::print(&as_table(&cache, &entries, now)),
+    }
 }
 
 fn entries(cache: &Cache) -> Result<Vec<Entry>> {

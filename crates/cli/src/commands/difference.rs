@@ -67,7 +67,7 @@ impl Command for DifferenceArgs {
         }
         let report = Report::new(&reference, &compared);
         match self.json {
-            true => terminal::print(&(serde_json::to_string_pretty(&report)? + "\n")),
+            true => terminal::print_json(&report),
             false => terminal::print(&report.description()),
         }
     }

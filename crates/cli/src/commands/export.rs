@@ -117,12 +117,7 @@ pub fn run(args: &ExportArgs) -> Result<()> {
 
 fn to_usd(args: &UsdArgs) -> Result<()> {
     let path = &args.outfile;
-    if path
-        .extension()
-        .is_none_or(|e| !e.eq_ignore_ascii_case("usda"))
-    {
-        return Err(of_file(path, "expected a name that ends in .usda"));
-    }
+    output::check_ending(path, &["usda"])?;
     output::check_writable(path)?;
     let max_memory_bytes = args.memory.max_memory.unwrap_or_else(free_memory_bytes);
     let context = args.common.context();

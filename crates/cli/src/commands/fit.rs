@@ -104,7 +104,7 @@ impl Command for FitArgs {
         let fitted = fit.run(&context)?;
         fitted.write(&args.outfile)?;
         if args.json {
-            terminal::print(&(serde_json::to_string_pretty(&fitted.json())? + "\n"))?;
+            terminal::print_json(&fitted.json())?;
         }
         args.work.note(fitted.lines());
         Ok(())

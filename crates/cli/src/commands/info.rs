@@ -60,10 +60,11 @@ pub fn run(args: &InfoArgs) -> Result<()> {
     let waiting = Waiting::new("reading", &context);
     let listing = context.run(|| tell(args))?;
     drop(waiting);
-    let mut text = String::new();
     if args.json {
-        text = serde_json::to_string_pretty(&listing)? + "\n";
-    } else if ["fabric", "draft"]
+        return terminal::print_json(&listing);
+    }
+    let mut text = String::new();
+    if ["fabric", "draft"]
         .iter()
         .any(|kind| listing["kind"] == *kind)
     {

@@ -45,7 +45,7 @@ impl Command for MeasureArgs {
             measured.write(path)?;
         }
         if self.json {
-            terminal::print(&(serde_json::to_string_pretty(&measured.json())? + "\n"))?;
+            terminal::print_json(&measured.json())?;
         }
         self.work.note(measured.lines());
         if let Some(warning) = measured.warning() {

@@ -106,7 +106,7 @@ impl RenderArgs {
         let name = self.outfile.display().to_string();
         self.work.note(picture.lines(&name, self.stats));
         if self.json {
-            terminal::print(&(serde_json::to_string_pretty(&picture.figures())? + "\n"))?;
+            terminal::print_json(&picture.figures())?;
         }
         terminal.finish(&picture.film);
         match picture.failure {

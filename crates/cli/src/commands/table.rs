@@ -40,8 +40,7 @@ impl Command for TableArgs {
         let made = table.run(&context)?;
         made.write(&self.outfile)?;
         if self.json {
-            let figures = made.json(&self.outfile);
-            terminal::print(&(serde_json::to_string_pretty(&figures)? + "\n"))?;
+            terminal::print_json(&made.json(&self.outfile))?;
         }
         self.work.note(made.lines(&self.outfile));
         Ok(())

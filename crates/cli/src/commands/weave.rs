@@ -44,7 +44,7 @@ impl Command for WeaveArgs {
             woven.write(path)?;
         }
         if self.json {
-            terminal::print(&(serde_json::to_string_pretty(&woven.json())? + "\n"))?;
+            terminal::print_json(&woven.json())?;
         } else if self.outfile.is_none() {
             terminal::print(&woven.drawdown()?)?;
         }

@@ -18,7 +18,7 @@ mod sides;
 mod stripes;
 mod unknowns;
 
-use super::{FitJob, finish_with};
+use super::{Fit, FitJob, finish_with};
 use agreement::Agreement;
 use answer::{Answer, shown_name};
 use anyhow::Result;
@@ -70,20 +70,25 @@ const SHOWN: Purpose<'static> = Purpose::Picture {
     most_fibres: f64::INFINITY,
 };
 
+fn is_wif(name: &str) -> bool {
+    let ending = Path::new(name).extension();
+    ending.is_some_and(|e| e.eq_ignore_ascii_case("wif"))
+}
+
+fn named_draft(name: &str) -> Result<Draft> {
+    Draft::named(name).map_err(|e| of_option("draft", e))
+}
+
 /// The draft that the arguments name: a weave, or a WIF file.
 fn given_draft(args: &FitJob) -> Result<Option<Draft>> {
     let Some(name) = &args.draft else {
         return Ok(None);
     };
-    let path = Path::new(name);
-    let is_wif = path
-        .extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("wif"));
-    let draft = if is_wif {
-        let bytes = args.context.loader().bytes(path)?;
-        Draft::from_wif(&bytes).map_err(|e| of_file(path, e))?
+    let draft = if is_wif(name) {
+        let bytes = args.context.loader().bytes(Path::new(name))?;
+        Draft::from_wif(&bytes).map_err(|e| of_file(name, e))?
     } else {
-        Draft::named(name).map_err(|e| of_option("draft", e))?
+        named_draft(name)?
     };
     let (ends, picks) = draft.repeat();
     let most = organza_photograph::MAX_CROSSINGS;
@@ -403,10 +408,11 @@ pub(crate) static TARGET: crate::Target = crate::Target {
         "fit_light",
         "voxel_um",
     ],
+    check,
     run,
 };
 
-fn run(args: &FitJob) -> Result<super::Fitted> {
+fn check(args: &Fit) -> Result<()> {
     if args.back.is_none() {
         let why = "needs --back, the photograph against the light";
         args.refuse(&["back_light", "back_light_mm"], why)?;
@@ -415,12 +421,27 @@ fn run(args: &FitJob) -> Result<super::Fitted> {
         let why = "takes the whole search, which --quick leaves out";
         args.refuse(&["fit_white", "fit_light"], why)?;
     }
-    let front = args.front.as_deref();
-    let front = front.ok_or_else(|| of_option("front", "expected a photograph of the cloth"))?;
+    front(args)?;
+    photographs::width_mm(args)?;
+    model::fitted(args)?;
+    if let Some(name) = args.draft.as_ref().filter(|name| !is_wif(name)) {
+        named_draft(name)?;
+    }
     if let Some(folder) = &args.report {
         output::check_report_folder(folder, ("choices.csv", "the report of a bench"))?;
         output::check_report_folder(folder, ("pairs.csv", "a comparison"))?;
     }
+    Ok(())
+}
+
+/// The photograph of the face.
+fn front(args: &Fit) -> Result<&Path> {
+    let front = args.front.as_deref();
+    front.ok_or_else(|| of_option("front", "expected a photograph of the cloth"))
+}
+
+fn run(args: &FitJob) -> Result<super::Fitted> {
+    let front = front(args)?;
     let _waiting = Waiting::new("fitting", &args.context);
     let given = given_draft(args)?;
     let given = given.as_ref();

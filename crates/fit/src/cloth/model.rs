@@ -1,6 +1,6 @@
 //! The computed side of a fit to photographs: a fabric with trial values.
 
-use crate::FitJob;
+use crate::{Fit, FitJob};
 use anyhow::Result;
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::file_kind::Wanted;
@@ -69,6 +69,25 @@ pub struct ClothModel<'a> {
     fibres: [[f64; 2]; 2],
 }
 
+/// How the cloth is shown, and which of its optics are fitted.
+///
+/// # Errors
+/// A model without fibres.
+pub fn fitted(args: &Fit) -> Result<(ShownAs, &'static FittedOptics)> {
+    let shown = match args.model {
+        PatchModel::Own => ShownAs::usual(&EXPLICIT_FIBRES),
+        PatchModel::Is(representation) => ShownAs::usual(representation),
+    };
+    let name = shown.representation.name;
+    let why = || {
+        of_option(
+            "model",
+            format!("{name:?} has no fibres to fit; choose another"),
+        )
+    };
+    Ok((shown, shown.representation.fitted.ok_or_else(why)?))
+}
+
 impl<'a> ClothModel<'a> {
     /// The model of a cloth with threads this far apart; yarns, fibres and finish are those of
     /// the fabric that the arguments name, or cotton.
@@ -83,17 +102,7 @@ impl<'a> ClothModel<'a> {
             }
             None => Table::new(),
         };
-        let shown = match args.model {
-            PatchModel::Own => ShownAs::usual(&EXPLICIT_FIBRES),
-            PatchModel::Is(representation) => ShownAs::usual(representation),
-        };
-        let Some(fitted) = shown.representation.fitted else {
-            let name = shown.representation.name;
-            return Err(of_option(
-                "model",
-                format!("{name:?} has no fibres to fit; choose another"),
-            ));
-        };
+        let (shown, fitted) = fitted(args)?;
         let folder = args.fabric.as_deref().and_then(Path::parent);
         let mut model = ClothModel {
             args,

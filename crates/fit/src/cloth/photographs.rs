@@ -2,13 +2,19 @@
 
 use super::flags::VignettingFlag;
 use super::sides::direction;
-use crate::{BACK_LIGHT, FitJob, LIGHT, picture};
+use crate::{BACK_LIGHT, Fit, FitJob, LIGHT, picture};
 use anyhow::Result;
 use glam::{DVec2, DVec3, UVec2};
 use organza_photograph::{Photograph, Shading, ShadingSums, Straightened, Vignetting};
 use organza_work::{of_file, of_option};
 use std::path::Path;
 use std::rc::Rc;
+
+/// The width of the cloth in the photographs, mm.
+pub fn width_mm(args: &Fit) -> Result<f64> {
+    let why = "expected the width of the cloth in the photograph, mm";
+    args.width_mm.ok_or_else(|| of_option("width_mm", why))
+}
 
 /// The wanted part of a photograph from a file, and its share of the width.
 fn read(args: &FitJob, path: &Path) -> Result<(Photograph, f64)> {
@@ -121,12 +127,7 @@ impl Photographs {
     /// # Errors
     /// Names the file or the flag.
     pub fn read(args: &FitJob, front: &Path) -> Result<Photographs> {
-        let Some(width_mm) = args.width_mm else {
-            return Err(of_option(
-                "width_mm",
-                "expected the width of the cloth in the photograph, mm",
-            ));
-        };
+        let width_mm = width_mm(args)?;
         let (photograph, share) = read(args, front)?;
         let [w, h] = photograph.size();
         let size_mm = share * DVec2::new(width_mm, width_mm * h as f64 / w as f64);

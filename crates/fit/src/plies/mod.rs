@@ -5,30 +5,26 @@ mod corrections;
 mod pictures;
 mod target;
 
+use super::descent::{moved, nearest};
 use super::fibres::yarns;
 use super::{
-    FitJob, check_outputs, finish_with, journal_key, open_journal, options, read_fabric, table,
+    Fit, FitJob, check_outputs, finish_with, journal_key, open_journal, options, read_fabric, table,
 };
 use anyhow::{Context, Result};
 use corrections::Corrections;
-use organza_basis::Stopped;
-use organza_measure::fit::{Patience, determine, search};
+use organza_measure::fit::determine;
 use organza_scene::fabric_file::Fabric;
 use organza_scene::patches::{Matter, PatchModel, fabric_patch};
 use organza_scene::representation::{EXPLICIT_FIBRES, PLIES, ShownAs};
 use organza_work::Progress;
 use organza_work::building::watched;
 use organza_work::identity;
-use organza_work::number_journal::{JournalError, NumberJournal};
-use organza_work::{of_file, of_option};
+use organza_work::number_journal::NumberJournal;
+use organza_work::of_option;
 use pictures::Pictures;
 use serde_json::json;
 use sha2::{Digest, Sha256};
-use std::cell::RefCell;
 use target::{GroupError, Part, Target, Value, errors};
-
-/// Step of difference quotients as a share of the range: tables of random walks jump.
-const STRIDE: f64 = 0.05;
 
 /// Places that a descent evaluates by default: about ten steps.
 const STEPS: u32 = 120;
@@ -56,13 +52,13 @@ pub(crate) static TARGET: crate::Target = crate::Target {
         "white",
         "voxel_um",
     ],
+    check,
     run,
 };
 
 fn run(args: &FitJob) -> Result<super::Fitted> {
-    refuse_flags(args)?;
     let (mut fabric, read) = read_fabric(args)?;
-    check_outputs(args, &read)?;
+    check_outputs(args, &args.context, &read)?;
     let shown = PatchModel::Is(&PLIES).of(&fabric, args.fabric_path())?;
     (PLIES.check)(&fabric, args.fabric_path(), &args.context.loader())?;
     let source = Source::new(args, &fabric)?;
@@ -123,7 +119,7 @@ fn run(args: &FitJob) -> Result<super::Fitted> {
     finish_with(args, &table, &parameters, &lines, (figures, None))
 }
 
-fn refuse_flags(args: &FitJob) -> Result<()> {
+fn check(args: &Fit) -> Result<()> {
     let (front, back) = (args.front.is_some(), args.back.is_some());
     if front != back {
         let missing = if front { "--back" } else { "--front" };
@@ -283,59 +279,14 @@ impl Fitted<'_> {
         // The same everywhere, lest the search end where noise is largest.
         let start = self.values(&corrections.none, Part::Fitted)?;
         let expected = expected_errors(&start, &wanted);
-        let fatal = RefCell::new(None);
-        let mut failure = None;
-        let [scan, steps] = args.patience.unwrap_or([0, STEPS]);
-        let descents = if scan > 0 { 4 } else { 1 };
-        let most = u64::from(scan) + descents * u64::from(steps);
-        let progress = Progress::new("fitting", most, &args.context);
-        let mut count = 0;
-        let mut residuals = |place: &[f64]| -> Option<Vec<f64>> {
-            if fatal.borrow().is_some() {
-                return None;
-            }
-            count += 1;
-            Stopped::check(progress.at(count)).ok()?;
-            match self.values(place, Part::Fitted) {
-                Ok(found) => {
-                    let both = found.iter().zip(&wanted).zip(&expected);
-                    let data = both.map(|((f, w), e)| (f.mean - w.mean) / e);
-                    Some(data.chain(corrections.priors(place)).collect())
-                }
-                Err(e) if e.is::<JournalError>() => {
-                    *fatal.borrow_mut() = Some(e);
-                    None
-                }
-                // Plies that cannot be are no answer; reported when there is no other.
-                Err(e) => {
-                    failure = Some(e);
-                    None
-                }
-            }
+        let mut residuals = |place: &[f64]| {
+            let found = self.values(place, Part::Fitted)?;
+            let both = found.iter().zip(&wanted).zip(&expected);
+            let data = both.map(|((f, w), e)| (f.mean - w.mean) / e);
+            Ok(data.chain(corrections.priors(place)).collect())
         };
-        let patience = Patience {
-            scan,
-            steps,
-            stride: STRIDE,
-        };
-        let bounds = &corrections.bounds;
-        let (mut place, mut least) = search(bounds, &patience, &mut residuals);
-        let square = |list: &[f64]| list.iter().map(|r| r * r).sum::<f64>();
-        // The search starts beside the end of a range.
-        if let Some(none) = residuals(&corrections.none)
-            && square(&none) <= least
-        {
-            (place, least) = (corrections.none.clone(), square(&none));
-        }
-        progress.finish();
-        if let Some(e) = fatal.take() {
-            return Err(e);
-        }
-        Stopped::check(args.context.flow())?;
-        if !least.is_finite() {
-            let none = || of_file(args.fabric_path(), "no answer");
-            return Err(failure.unwrap_or_else(none));
-        }
+        let (bounds, none) = (&corrections.bounds, Some(&corrections.none[..]));
+        let (place, least) = nearest(args, bounds, [0, STEPS], none, &mut residuals)?;
         let columns = self.columns(&place, &expected)?;
         let freedom = wanted.len().saturating_sub(bounds.len()).max(1);
         let variance = least / freedom as f64;
@@ -351,15 +302,8 @@ impl Fitted<'_> {
         // Simulations share their random numbers. How much of the noise of a difference is left
         // is seen where there is nothing else: in channels that a parameter does not change.
         let (mut seen, mut expected_noise) = (0.0, 0.0);
-        for (k, b) in self.corrections.bounds.iter().enumerate() {
-            let step = STRIDE * (b.high - b.low);
-            let step = if place[k] + step > b.high {
-                -step
-            } else {
-                step
-            };
-            let mut moved = place.to_vec();
-            moved[k] += step;
+        for k in 0..self.corrections.bounds.len() {
+            let (moved, step) = moved(place, &self.corrections.bounds, k);
             let there = self.values(&moved, Part::Fitted)?;
             let own_channel = self.corrections.channel(k);
             let (mut column, mut noise) = (Vec::new(), 0.0);

@@ -3,15 +3,14 @@
 //! The left halves are fitted, the right halves are held out.
 
 use super::target::{Part, Value, WHOLE};
-use crate::picture::{read_picture, shrunk};
+use crate::picture::Seen;
 use crate::{BACK_LIGHT, FitJob, LIGHT, VIEW};
 use anyhow::Result;
 use glam::UVec2;
-use organza_measure::{Angles, Pair, PictureStatistics, TexelGrid, measure_texture};
+use organza_measure::{Pair, PictureStatistics, TexelGrid, measure_texture};
 use organza_scene::fabric_file::Fabric;
-use organza_scene::patches::{AnyPatch, texel_grid};
+use organza_scene::patches::AnyPatch;
 use organza_work::{after_option, of_file};
-use std::f64::consts::FRAC_1_PI;
 use std::path::Path;
 
 /// Texels of the longer side at most: larger pictures are averaged to it.
@@ -101,11 +100,11 @@ impl Side {
         args: &FitJob,
         path: &Path,
         names: [&'static str; 2],
-        [theta_deg, phi_deg]: [f64; 2],
+        light: [f64; 2],
         fabric: &Fabric,
     ) -> Result<Side> {
-        let (size, pixels) = read_picture(path, &args.context)?;
-        let (size, pixels) = shrunk(size, &pixels, MAX_TEXELS);
+        let Seen { pixels, grid, pair } = Seen::read(args, path, MAX_TEXELS, light, fabric)?;
+        let size = grid.texels;
         if size.min_element() < MIN_TEXELS {
             return Err(of_file(
                 path,
@@ -116,27 +115,12 @@ impl Side {
                 ),
             ));
         }
-        // White sends 1/pi of the light on it into every direction.
-        let white = FRAC_1_PI as f32 / args.white.unwrap_or(1.0) as f32;
-        let pixels: Vec<[f32; 3]> = pixels.iter().map(|p| (*p * white).0.to_array()).collect();
         let none = vec![[0.0; 3]; pixels.len()];
         let of =
             |part| PictureStatistics::new(&half(&pixels, size, part), &half(&none, size, part));
-        let mut grid = texel_grid(fabric, 1);
-        grid.texels = size;
-        if let Some(width_mm) = args.width_mm {
-            grid.size_mm = size.as_vec2() * (width_mm as f32 / size.x as f32);
-        }
-        let [view_theta, view_phi] = args.view.unwrap_or(VIEW);
         Ok(Side {
             names,
-            pair: Pair {
-                incident: Angles { theta_deg, phi_deg },
-                exitant: Angles {
-                    theta_deg: view_theta,
-                    phi_deg: view_phi,
-                },
-            },
+            pair,
             grid,
             halves: [of(Part::Fitted), of(Part::HeldOut)],
         })

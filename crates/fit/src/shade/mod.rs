@@ -60,6 +60,7 @@ pub(crate) static TARGET: crate::Target = crate::Target {
     about: "The yarns of a shade before a window: openness, colours and brightness under the sun, from what a laboratory measured (.xml)",
     example: "scenes/fabrics/screen.toml --model fibres --data measured.xml -o fitted.toml",
     fields: &["data", "model", "journal", "voxel_um"],
+    check: |args| measured(args).map(drop),
     run,
 };
 
@@ -129,7 +130,7 @@ fn run(args: &FitJob) -> Result<super::Fitted> {
     let sun = Target::read(&text, KlemsBand::Solar, path)?;
     let loader = args.context.loader();
     let (fabric, read) = read_fabric(args)?;
-    check_outputs(args, &read)?;
+    check_outputs(args, &args.context, &read)?;
     let (shown, fitted) = model(args, &fabric)?;
     let cloth = Cloth::new(args, &fabric, fitted)?;
     let key = journal_key(args, &format!("{shown} shade"), &read)?;

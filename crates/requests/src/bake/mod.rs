@@ -19,7 +19,7 @@ use organza_measure::{
     measure_pairs,
 };
 use organza_scene::fabric_file::{self, Fabric};
-use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch, texel_grid};
+use organza_scene::patches::{AnyPatch, PatchModel, fabric_patch, texel_grid};
 use organza_scene::representation::{Build, EXPLICIT_FIBRES, ShownAs};
 use organza_work::Job;
 use organza_work::building::watched;
@@ -179,14 +179,7 @@ impl Request for Bake {
         Ok(vec![path.to_owned()])
     }
 
-    fn run(&self, context: &Context) -> Result<Baking, Error> {
-        self.check()?;
-        Job::run(self, context, bake)
-    }
-}
-
-impl Bake {
-    fn check(&self) -> Result<()> {
+    fn check(&self, _: &Context) -> Result<()> {
         keys::check("spp", [self.spp], parse_paths)?;
         keys::check("resolution", [self.resolution], whole::<u32>(16..=4096))?;
         keys::check("texel_spp", [self.texel_spp], whole::<u32>(4..=4096))?;
@@ -199,6 +192,10 @@ impl Bake {
             return Err(of_option("fabrics", "expected a fabric file"));
         }
         Ok(())
+    }
+
+    fn work(job: &BakeJob) -> Result<Baking> {
+        bake(job)
     }
 }
 
@@ -397,12 +394,9 @@ fn check_colourways(cloths: &mut [Cloth<'_>]) -> Result<()> {
 fn make(args: &BakeJob, cloth: &Cloth<'_>) -> Result<Made> {
     let (fabric, grid) = (&cloth.fabric, &cloth.grid);
     let patch = watched(&args.context, |loader| {
-        let build = PatchOptions {
-            loader,
-            voxel_um: args.voxel_um,
-            level: args.level,
-            max_memory_bytes: args.context.max_memory_bytes,
-        };
+        let build = args
+            .context
+            .patch_options(loader, args.voxel_um, args.level);
         Ok(fabric_patch(fabric, cloth.path, cloth.shown, &build)?)
     })?;
     let measured = measure(args, &patch, grid)?;

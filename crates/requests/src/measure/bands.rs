@@ -35,7 +35,7 @@ impl From<BandName> for Band {
 /// Refuses bands that the measurement has no place for.
 pub fn check(request: &Measure) -> Result<()> {
     let both = [BandName::Visible, BandName::Solar];
-    let whole = request.layout.and_then(|l| l.0.whole());
+    let whole = request.whole();
     let takes_both = whole.is_some_and(|whole| match whole.both_bands {
         BothBands::Never => false,
         BothBands::InFile => request.ending() == whole.ending.unwrap_or_default(),

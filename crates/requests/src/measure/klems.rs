@@ -19,6 +19,7 @@ pub(crate) static LAYOUT: Layout = Layout {
     kind: Kind::Whole(Whole {
         ending: Some("xml"),
         needs_ending: false,
+        takes_target_error: false,
         both_bands: BothBands::InFile,
         check: |_| Ok(()),
         count: |m| 2 * KlemsBasis::from(m.job.klems_basis).len(),

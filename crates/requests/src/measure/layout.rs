@@ -42,6 +42,8 @@ pub(crate) struct Whole {
     pub ending: Option<&'static str>,
     /// Whether its files have no other ending.
     pub needs_ending: bool,
+    /// Whether its paths end where a target error is reached.
+    pub takes_target_error: bool,
     /// Where light and sun are measured together: any file, or one of the ending.
     pub both_bands: BothBands,
     /// Refuses what does not fit into memory.
@@ -118,6 +120,13 @@ impl Layout {
             Kind::Rows { .. } => None,
         }
     }
+}
+
+/// The names of the layouts that take a target error.
+pub fn with_target_error() -> String {
+    let takes = |l: &&&Layout| l.whole().is_none_or(|w| w.takes_target_error);
+    let names: Vec<&str> = LAYOUTS.iter().filter(takes).map(|l| l.name).collect();
+    names.join(", ")
 }
 
 /// The names of the layouts whose files have an ending, as flags.

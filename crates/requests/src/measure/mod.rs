@@ -30,7 +30,7 @@ use organza_measure::{
 };
 use organza_scene::file_kind::Wanted as FileKind;
 use organza_scene::loader::Loader;
-use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, texel_grid};
+use organza_scene::patches::{AnyPatch, PatchModel, texel_grid};
 use organza_scene::representation::{Build, EXPLICIT_FIBRES, ShownAs, TABLE};
 use organza_scene::scene_file::{self, IntegratorName, is_scene_text};
 use organza_scene::{LoadedScene, fabric_file, far_table};
@@ -80,7 +80,7 @@ pub struct Measure {
     #[arg(long, value_name = "N", default_value_t = Measure::default().seed, value_parser = parse_seed)]
     #[serde(deserialize_with = "keys::seed")]
     pub seed: u64,
-    /// Stop a pair when the standard error of every channel is below this share of the value, e.g. 0.02 for 2 % (with --albedo: of the incident light)
+    /// Stop a pair when the standard error of every channel is below this share of the value, e.g. 0.02 for 2 % (with --albedo: of the incident light); not of pictures and the layouts klems, tensor-tree and ptm
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     pub target_error: Option<f64>,
     /// Polar steps on each side and azimuths of --layout grid
@@ -183,24 +183,6 @@ impl Request for Measure {
         Ok(vec![path.to_owned()])
     }
 
-    fn run(&self, context: &Context) -> Result<Measurement, Error> {
-        self.check(context)?;
-        Job::run(self, context, |job| {
-            let directions = directions(job)?;
-            let rows = directions.rows(job.rows.as_ref())?;
-            bands::check(job)?;
-            let subject = watched(&job.context, |loader| subject(job, loader))?;
-            measure(job, &directions, rows, &subject)
-        })
-    }
-}
-
-impl Measure {
-    /// Ending of the file that it is for, in lower case; empty if it is for none.
-    fn ending(&self) -> String {
-        output::ending_of(self.table.as_deref().unwrap_or(Path::new("")))
-    }
-
     fn check(&self, context: &Context) -> Result<()> {
         keys::check("spp", [self.spp], parse_paths)?;
         keys::check("target_error", self.target_error, parse_share)?;
@@ -222,7 +204,74 @@ impl Measure {
         for path in &context.outputs {
             files::check_not_an_input(path, self.pairs.iter().chain([&self.file]))?;
         }
+        self.check_ending()?;
+        self.check_target_error()?;
+        bands::check(self)?;
+        if self.pairs.is_none() {
+            let job = Job {
+                request: self.clone(),
+                context: context.clone(),
+            };
+            directions(&job)?.rows(self.rows.as_ref())?;
+        }
         Ok(())
+    }
+
+    fn work(job: &Job<Measure>) -> Result<Measurement> {
+        let directions = directions(job)?;
+        let rows = directions.rows(job.rows.as_ref())?;
+        let subject = watched(&job.context, |loader| subject(job, loader))?;
+        measure(job, &directions, rows, &subject)
+    }
+}
+
+impl Measure {
+    /// Ending of the file that it is for, in lower case; empty if it is for none.
+    fn ending(&self) -> String {
+        output::ending_of(self.table.as_deref().unwrap_or(Path::new("")))
+    }
+
+    /// The layout that is measured all at once, if it is one.
+    fn whole(&self) -> Option<&'static layout::Whole> {
+        let layout = self.layout.filter(|_| self.pairs.is_none());
+        layout.and_then(|l| l.0.whole())
+    }
+
+    /// Refuses files of a layout for other directions.
+    fn check_ending(&self) -> Result<()> {
+        let (ending, whole) = (self.ending(), self.whole());
+        let takers = with_ending(&ending);
+        if !takers.is_empty() && whole.and_then(|w| w.ending) != Some(&*ending) {
+            let takers = takers.join(" or ");
+            return Err(input(format!(
+                "a table that ends in .{ending} needs {takers}"
+            )));
+        }
+        let is_other = whole.map_or(self.albedo, |w| !w.needs_ending);
+        if ending == textures::ENDING && is_other {
+            return Err(input(format!(
+                "a table that ends in .{ending} needs pairs of directions: --pairs, or a layout of \
+                 pairs, without --albedo"
+            )));
+        }
+        Ok(())
+    }
+
+    /// Refuses a target error where every direction takes as many paths.
+    fn check_target_error(&self) -> Result<()> {
+        let what = match (self.whole(), self.layout) {
+            (Some(whole), Some(layout)) if !whole.takes_target_error => {
+                format!("--layout {}", layout.0.name)
+            }
+            (None, _) if self.ending() == textures::ENDING => "pictures of the tile".to_owned(),
+            _ => return Ok(()),
+        };
+        if self.target_error.is_none() {
+            return Ok(());
+        }
+        let takers = layout::with_target_error();
+        let why = format!("does not apply to {what}, but to --pairs and the layouts {takers}");
+        Err(after_option("target_error", why))
     }
 }
 
@@ -275,15 +324,7 @@ impl Directions {
 /// Options that contradict each other, or a wrong file of pairs.
 fn directions(job: &Job<Measure>) -> Result<Directions> {
     let layout = job.layout.map_or(&rows::IRAWAN, |l| l.0);
-    let whole = layout.whole().filter(|_| job.pairs.is_none());
     let ending = job.ending();
-    let takers = with_ending(&ending);
-    if !takers.is_empty() && whole.and_then(|w| w.ending) != Some(&*ending) {
-        let takers = takers.join(" or ");
-        return Err(input(format!(
-            "a table that ends in .{ending} needs {takers}"
-        )));
-    }
     if let Some(path) = &job.pairs {
         let text = job.context.loader().text_of(path, FileKind::Text)?;
         let parsed = if job.albedo {
@@ -347,12 +388,7 @@ fn subject(job: &Job<Measure>, loader: &Loader<'_>) -> Result<Subject> {
         job.context.check_outputs(loader)?;
         return Ok(subject);
     }
-    let build = PatchOptions {
-        loader,
-        voxel_um: job.voxel_um,
-        level: job.level,
-        max_memory_bytes: job.context.max_memory_bytes,
-    };
+    let build = job.context.patch_options(loader, job.voxel_um, job.level);
     let mut fabric = fabric_file::load(&job.file, &job.set, loader)?;
     job.context.check_outputs(loader)?;
     let shown = job.model.of(&fabric, &job.file)?;

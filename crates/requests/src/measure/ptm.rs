@@ -15,6 +15,7 @@ pub(crate) static LAYOUT: Layout = Layout {
     kind: Kind::Whole(Whole {
         ending: Some("ptm"),
         needs_ending: true,
+        takes_target_error: false,
         both_bands: BothBands::Never,
         check: |_| Ok(()),
         count: |m| m.job.ptm_lamps as usize * m.subject.grid.texels.element_product() as usize,

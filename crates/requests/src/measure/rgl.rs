@@ -16,6 +16,7 @@ pub(crate) static LAYOUT: Layout = Layout {
     kind: Kind::Whole(Whole {
         ending: Some("bsdf"),
         needs_ending: true,
+        takes_target_error: true,
         both_bands: BothBands::Never,
         check: |job| check_memory(job, "rgl_grid", grid(job).memory_bytes()),
         count: |m| grid(m.job).pairs() as usize,

@@ -17,6 +17,7 @@ pub(crate) static LAYOUT: Layout = Layout {
     kind: Kind::Whole(Whole {
         ending: None,
         needs_ending: false,
+        takes_target_error: true,
         both_bands: BothBands::Always,
         check: |_| Ok(()),
         // A beam and diffuse light, on both sides.

@@ -15,6 +15,7 @@ pub(crate) static LAYOUT: Layout = Layout {
     kind: Kind::Whole(Whole {
         ending: None,
         needs_ending: false,
+        takes_target_error: true,
         both_bands: BothBands::Never,
         check: |job| {
             let count = (4.0 * (2.0 * 75.0 / job.step + 1.0)) as u64;

@@ -17,6 +17,7 @@ pub(crate) static LAYOUT: Layout = Layout {
     kind: Kind::Whole(Whole {
         ending: Some("xml"),
         needs_ending: true,
+        takes_target_error: false,
         both_bands: BothBands::Never,
         check: |job| check_memory(job, "tree_depth", layout(job)?.memory_bytes()),
         count: |m| layout(m.job).map_or(0, |l| 2 * l.incident_cells()),

@@ -169,18 +169,7 @@ impl Request for Render {
         Ok(written)
     }
 
-    fn run(&self, context: &Context) -> Result<Picture, Error> {
-        self.check(context)?;
-        Job::run(self, context, |job| match made_scene::in_studio(job)? {
-            Some(made) => render(&made),
-            None => render(job),
-        })
-    }
-}
-
-impl Render {
-    /// Refuses values that are out of range, and files that would be lost.
-    fn check(&self, context: &Context) -> Result<(), anyhow::Error> {
+    fn check(&self, context: &Context) -> Result<()> {
         keys::check("spp", self.spp, whole::<u32>(1..=u64::from(u32::MAX)))?;
         let shares = [
             ("target_error", self.target_error),
@@ -230,9 +219,26 @@ impl Render {
                 return Err(of_file(path, why));
             }
         }
+        if self.denoise {
+            if context.outputs.is_empty() {
+                let why =
+                    "expected an --outfile, too: only the picture that is written is denoised";
+                return Err(of_option("denoise", why));
+            }
+            Denoiser::find(false)?;
+        }
         Ok(())
     }
 
+    fn work(job: &RenderJob) -> Result<Picture> {
+        match made_scene::in_studio(job)? {
+            Some(made) => render(&made),
+            None => render(job),
+        }
+    }
+}
+
+impl Render {
     /// Width and height of the picture, pixels, once the scene was read and checked; nothing is built.
     ///
     /// # Errors
@@ -355,7 +361,13 @@ fn cache_plan(args: &RenderJob, built: &Built, key: &Key) -> Result<Option<Cache
     }
     let mut plan = table.cache_plan(resolution);
     if let (Some(path), Some(plan)) = (&args.load_light, &mut plan) {
-        let light = kept_light::read(path, key, &args.scene, plan.bytes / 8)?;
+        let light = kept_light::read(
+            path,
+            key,
+            &args.scene,
+            plan.bytes / 8,
+            &args.context.loader(),
+        )?;
         plan.kept = Some(Arc::new(light));
     }
     Ok(plan)

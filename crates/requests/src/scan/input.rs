@@ -1,6 +1,6 @@
 //! The files of a scan, opened.
 
-use super::{ScanJob, failed};
+use super::{Scan, ScanJob, failed};
 use anyhow::Result;
 use organza_basis::Budget;
 use organza_scan::ScanError;
@@ -67,6 +67,10 @@ fn is_png(path: &Path) -> bool {
     ending(path) == "png"
 }
 
+fn is_vti(path: &Path) -> bool {
+    ending(path) == "vti"
+}
+
 /// Whether a file may be one slice of several.
 fn is_slice(path: &Path) -> bool {
     is_tiff(path) || is_png(path)
@@ -82,16 +86,45 @@ fn open_file(path: &Path) -> Result<BufReader<File>> {
     Ok(BufReader::with_capacity(1 << 16, file))
 }
 
-/// Opens the volume.
+/// Refuses files that are no scans, by their names, and keys that these files do not have.
+pub fn check(request: &Scan, files: &[PathBuf]) -> Result<()> {
+    let name = name_of(&request.files);
+    let fail = |key, why| {
+        let e = InputError::after_option(key, why);
+        Err(e.in_file(&name).into())
+    };
+    let is_raw = request.raw_size.is_some();
+    let [path] = files else {
+        if is_raw {
+            return fail("raw_size", "belongs to a single file");
+        }
+        if request.array.is_some() {
+            return fail("array", "belongs to a single .vti");
+        }
+        let why = "expected .tif, .tiff or .png: slices in several files are TIFF or PNG";
+        return match files.iter().find(|path| !is_slice(path)) {
+            Some(other) => Err(of_file(other, why)),
+            None => Ok(()),
+        };
+    };
+    if request.array.is_some() && is_raw {
+        return fail("array", "cannot be combined with --raw-size");
+    }
+    if request.array.is_some() && !is_vti(path) {
+        return fail("array", "belongs to a .vti");
+    }
+    if is_raw || is_vti(path) || is_slice(path) {
+        return Ok(());
+    }
+    let why = "expected .tif, .tiff, .png, .vti, a folder of slices, or raw data with --raw-size \
+               and --raw-type";
+    Err(of_file(&name, why))
+}
+
+/// Opens the volume of files that were checked.
 pub fn open(args: &ScanJob, files: &[PathBuf], budget: &mut Budget) -> Result<Box<dyn Slices>> {
     let name = name_of(&args.files);
     if let [path] = files {
-        let is_vti = ending(path) == "vti";
-        if args.array.is_some() && !is_vti {
-            return Err(InputError::after_option("array", "belongs to a .vti")
-                .in_file(&name)
-                .into());
-        }
         let file = open_file(path)?;
         let opened: Result<Box<dyn Slices>, ScanError> = match (args.raw_size, args.raw_type) {
             (Some(dims), Some(kind)) => {
@@ -103,35 +136,15 @@ pub fn open(args: &ScanJob, files: &[PathBuf], budget: &mut Budget) -> Result<Bo
                 };
                 RawSlices::new(file, layout, budget).map(|s| Box::new(s) as _)
             }
-            _ if is_vti => {
+            _ if is_vti(path) => {
                 VtiSlices::new(file, args.array.as_deref(), budget).map(|s| Box::new(s) as _)
             }
-            _ if is_tiff(path) => TiffSlices::new(file, budget).map(|s| Box::new(s) as _),
             _ if is_png(path) => PngSlices::new(file, budget).map(|s| Box::new(s) as _),
-            _ => {
-                return Err(of_file(
-                    &name,
-                    "expected .tif, .tiff, .png, .vti, a folder of slices, or raw data with \
-                     --raw-size and --raw-type",
-                ));
-            }
+            _ => TiffSlices::new(file, budget).map(|s| Box::new(s) as _),
         };
         return opened.map_err(|e| failed(&name, e));
     }
-    if args.raw_size.is_some() || args.array.is_some() {
-        return Err(
-            InputError::after_option("raw_size", "and --array belong to a single file")
-                .in_file(&name)
-                .into(),
-        );
-    }
     for path in files {
-        if !is_slice(path) {
-            return Err(of_file(
-                path,
-                "expected .tif, .tiff or .png: slices in several files are TIFF or PNG",
-            ));
-        }
         // Missing ones are reported before anything is computed.
         open_file(path)?;
     }

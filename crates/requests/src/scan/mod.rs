@@ -245,23 +245,12 @@ impl Request for Scan {
     type Output = ScannedVolume;
 
     fn prepare_for(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
-        let is_ovox = |e: &std::ffi::OsStr| e.eq_ignore_ascii_case("ovox");
-        if !path.extension().is_some_and(is_ovox) {
-            return Err(of_file(path, "expected a name that ends in .ovox").into());
-        }
+        output::check_ending(path, &["ovox"])?;
         output::check_writable(path)?;
         Ok(vec![path.to_owned()])
     }
 
-    fn run(&self, context: &Context) -> Result<ScannedVolume, Error> {
-        let files = self.check(context)?;
-        Job::run(self, context, |job| scan(job, &files))
-    }
-}
-
-impl Scan {
-    /// The files of the scan.
-    fn check(&self, context: &Context) -> Result<Vec<PathBuf>> {
+    fn check(&self, context: &Context) -> Result<()> {
         keys::check("fibre_radius_um", self.fibre_radius_um, parse_positive)?;
         keys::check("end_on_ratio", [self.end_on_ratio], parse_ratio)?;
         keys::check("levels", self.levels, whole::<u8>(1..=8))?;
@@ -319,6 +308,7 @@ impl Scan {
             return Err(organza_work::of_option("files", "expected a scan"));
         }
         let files = input::files(&self.files)?;
+        input::check(self, &files)?;
         for path in context.outputs.iter().chain(&self.journal) {
             output::check_not_an_input(path, &files)?;
         }
@@ -328,7 +318,11 @@ impl Scan {
                 output::check_distinct(("the journal", journal), ("the volume", path))?;
             }
         }
-        Ok(files)
+        Ok(())
+    }
+
+    fn work(job: &ScanJob) -> Result<ScannedVolume> {
+        scan(job, &input::files(&job.files)?)
     }
 }
 

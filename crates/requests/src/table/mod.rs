@@ -9,15 +9,14 @@ use anyhow::{Context as _, Result};
 use clap::Args;
 use organza_basis::Stopped;
 use organza_measure::{
-    Effort, HeldOutError, MOST_STEPS, Measured, NodeSums, Pair, PairValue, RingNoise, Sharpened,
-    Sharpening, far_matrix, held_out_errors, held_out_pairs, measure_node, measure_pair_rows,
-    ring_noise,
+    Effort, HeldOutError, MOST_STEPS, NodeSums, Pair, PairValue, RingNoise, Sharpened, Sharpening,
+    far_matrix, held_out_errors, held_out_pairs, measure_node, measure_pair_rows, ring_noise,
 };
 use organza_scatter::{Footprint, Surface};
 use organza_scene::fabric_file;
 use organza_scene::far_table::{ENDING, FABRIC_KEY, TEXTURE_KEY};
 use organza_scene::loader::Loader;
-use organza_scene::patches::{AnyPatch, PatchModel, PatchOptions, fabric_patch};
+use organza_scene::patches::{AnyPatch, PatchModel, fabric_patch};
 use organza_scene::representation::{EXPLICIT_FIBRES, ShownAs, TABLE};
 use organza_surface::table::{
     FarTable, MAX_TEXELS, Rings, TableParts, TextureLayout, balance, write_table,
@@ -27,10 +26,10 @@ use organza_work::Request;
 use organza_work::building::watched;
 use organza_work::journal;
 use organza_work::keys;
-use organza_work::number_journal::NumberJournal;
+use organza_work::number_journal::{NumberJournal, PAIR_NUMBERS, pair_numbers, pair_values};
 use organza_work::patch_model::patch_model;
 use organza_work::values::{parse_micrometres, parse_paths, parse_seed, parse_share, whole};
-use organza_work::{Context, Error, Progress, after_option, of_file, of_option, output, version};
+use organza_work::{Context, Error, Progress, after_option, of_option, output, version};
 use rayon::prelude::*;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -116,25 +115,11 @@ impl Request for Table {
     type Output = MadeTable;
 
     fn prepare_for(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
-        let ends = |e: &std::ffi::OsStr| e.eq_ignore_ascii_case(ENDING);
-        if !path.extension().is_some_and(ends) {
-            let why = format!("expected a name that ends in .{ENDING}");
-            return Err(of_file(path, why).into());
-        }
+        output::check_ending(path, &[ENDING])?;
         output::check_writable(path)?;
         Ok(vec![path.to_owned()])
     }
 
-    fn run(&self, context: &Context) -> Result<MadeTable, Error> {
-        self.check(context)?;
-        Job::run(self, context, |job| {
-            let (work, about) = watched(&job.context, |loader| prepare(job, loader))?;
-            make(job, work, about)
-        })
-    }
-}
-
-impl Table {
     fn check(&self, context: &Context) -> Result<()> {
         for (field, paths) in [
             ("spp", self.spp),
@@ -180,6 +165,11 @@ impl Table {
         }
         Ok(())
     }
+
+    fn work(job: &TableJob) -> Result<MadeTable> {
+        let (work, about) = watched(&job.context, |loader| prepare(job, loader))?;
+        make(job, work, about)
+    }
 }
 
 /// What paths are traced through, and what is known of it.
@@ -204,12 +194,7 @@ fn prepare(args: &TableJob, loader: &Loader<'_>) -> Result<(Work, Value)> {
     let texels = texture::layout(&fabric, args.texels);
     check_memory(args, &rings, texels.as_ref())?;
     let shown = args.model.of(&fabric, &args.fabric)?;
-    let options = PatchOptions {
-        loader,
-        voxel_um: args.voxel_um,
-        level: 0,
-        max_memory_bytes: args.context.max_memory_bytes,
-    };
+    let options = args.context.patch_options(loader, args.voxel_um, 0);
     let patch = fabric_patch(&fabric, &args.fabric, shown, &options)?;
     let has_surface = fabric.file.surface.is_some() && args.held_out > 0;
     let surface = has_surface.then(|| fabric.surface(&args.fabric));
@@ -328,22 +313,12 @@ impl Work {
         for first in (0..pairs.len()).step_by(PAIRS_AT_ONCE) {
             let rows = first..(first + PAIRS_AT_ONCE).min(pairs.len());
             let place = [-1.0, first as f64, rows.end as f64];
-            let list = self.journal.once(&place, 6 * rows.len(), || {
+            let list = self.journal.once(&place, PAIR_NUMBERS * rows.len(), || {
                 let found = measure_pair_rows(&self.patch, pairs, rows.clone(), &effort, &watch)?;
                 self.paths.fetch_add(found.stats.paths, Ordering::Relaxed);
-                let numbers = |v: &PairValue| [v.bsdf.mean, v.bsdf.se].concat();
-                Ok(found.list.iter().flat_map(numbers).collect())
+                Ok(pair_numbers(&found.list))
             })?;
-            for (pair, v) in pairs[rows].iter().zip(list.chunks_exact(6)) {
-                all.push(PairValue {
-                    pair: *pair,
-                    bsdf: Measured {
-                        mean: [v[0], v[1], v[2]],
-                        se: [v[3], v[4], v[5]],
-                    },
-                    paths: args.held_out_spp,
-                });
-            }
+            all.extend(pair_values(&pairs[rows], args.held_out_spp, &list));
         }
         progress.finish();
         Ok(all)

@@ -1,7 +1,6 @@
 //! A table that was made.
 
 use super::Made;
-use anyhow::Context;
 use organza_scene::far_table;
 use organza_scene::representation::ShownAs;
 use organza_work::Output;
@@ -86,9 +85,7 @@ impl Output for MadeTable {
     }
 
     fn write(&self, path: &Path) -> Result<Vec<PathBuf>, Error> {
-        output::write_file(path, |out| {
-            out.write_all(&self.bytes).context("writing failed")
-        })?;
+        output::write_bytes(path, &self.bytes)?;
         Ok(vec![path.to_owned()])
     }
 }

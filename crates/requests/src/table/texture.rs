@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use glam::{UVec2, Vec2, Vec3};
 use organza_basis::{PathRng, SegmentSource, Stopped};
 use organza_measure::{
-    Effort, Measured, PairValue, PatchResponse, PathNames, PixelPatch, TexelSums, far_texture,
+    Effort, PairValue, PatchResponse, PathNames, PixelPatch, TexelSums, far_texture,
     held_out_bound, held_out_errors, held_out_pairs, measure_pair_rows, measure_texels,
     texture_rings,
 };
@@ -16,6 +16,7 @@ use organza_scene::patches::AnyPatch;
 use organza_surface::table::{FarTable, Texture, TextureLayout, TextureParts};
 use organza_transport::Stats;
 use organza_work::Progress;
+use organza_work::number_journal::{PAIR_NUMBERS, pair_numbers, pair_values};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::sync::atomic::Ordering;
@@ -181,7 +182,7 @@ pub fn errors(
         };
         let place = [-3.0, f64::from(width_mm), pairs.len() as f64];
         let patch = &work.patch;
-        let list = work.journal.once(&place, 6 * pairs.len(), || {
+        let list = work.journal.once(&place, PAIR_NUMBERS * pairs.len(), || {
             let one = |k: usize| {
                 let pixel = PixelPatch {
                     patch,
@@ -190,24 +191,12 @@ pub fn errors(
                 };
                 let found =
                     measure_pair_rows(&pixel, &pairs, k..k + 1, &effort, &|_| args.context.flow())?;
-                let numbers = |v: &PairValue| [v.bsdf.mean, v.bsdf.se].concat();
-                Ok(found.list.iter().flat_map(numbers).collect::<Vec<f64>>())
+                Ok(pair_numbers(&found.list))
             };
             let all: Result<Vec<Vec<f64>>> = (0..pairs.len()).into_par_iter().map(one).collect();
             Ok(all?.concat())
         })?;
-        let truth: Vec<PairValue> = pairs
-            .iter()
-            .zip(list.chunks_exact(6))
-            .map(|(pair, v)| PairValue {
-                pair: *pair,
-                bsdf: Measured {
-                    mean: [v[0], v[1], v[2]],
-                    se: [v[3], v[4], v[5]],
-                },
-                paths: args.held_out_spp,
-            })
-            .collect();
+        let truth = pair_values(&pairs, args.held_out_spp, &list);
         let values = |surface: &FarTable| -> Vec<[f64; 3]> {
             let one = |(k, v): (usize, &PairValue)| {
                 let (w_in, w_out) = (v.pair.incident.direction(), v.pair.exitant.direction());

@@ -298,7 +298,7 @@ fn copy(args: &LibraryArgs, entry: &Entry) -> Result<()> {
             Some(text) if below == entry.copy => text.clone(),
             _ => std::fs::read(&file.path).with_context(|| file.path.display().to_string())?,
         };
-        output::write_file(&place, |out| Ok(out.write_all(&bytes)?))?;
+        output::write_bytes(&place, &bytes)?;
     }
     Ok(())
 }
@@ -341,7 +341,7 @@ fn make(args: &LibraryArgs, program: &Path, entry: &Entry, part: &Part, label: &
         _ => bail!("{said}"),
     };
     if part.name == PRINTED && refused.is_none() {
-        output::write_file(&outfile, |out| Ok(out.write_all(&ended.stdout)?))?;
+        output::write_bytes(&outfile, &ended.stdout)?;
     }
     if journal.exists() && refused.is_none() {
         std::fs::remove_file(&journal)
@@ -356,9 +356,7 @@ fn make(args: &LibraryArgs, program: &Path, entry: &Entry, part: &Part, label: &
     }
     record.insert(part.name.into(), Made { key, refused });
     let text = serde_json::to_string_pretty(&record)? + "\n";
-    output::write_file(&record_path(&folder), |out| {
-        Ok(out.write_all(text.as_bytes())?)
-    })
+    output::write_bytes(&record_path(&folder), text.as_bytes())
 }
 
 /// The command line of a part, without program and output.
