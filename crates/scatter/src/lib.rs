@@ -105,6 +105,7 @@
 //!   is reciprocal only up to 2.2 % (explicit fibres: 3.6 %), as `tests/packed_fibres.rs`
 //!   states pair by pair.
 
+mod axial_flake;
 pub mod bvdf;
 mod cone_table;
 pub mod cylinder;
@@ -130,6 +131,7 @@ pub mod surface;
 mod traced_section;
 pub mod virtual_fibres;
 
+pub use axial_flake::AxialFlake;
 pub use bvdf::{Bvdf, BvdfBuilder};
 pub use dielectric::{DielectricFibre, DielectricParameters};
 pub use error::Error;
@@ -150,7 +152,7 @@ pub use packed_fibre::{PackedEvent, packing_fraction, void_multiplier};
 pub use ply::{Ply, PlyCorrection, PlyEvent, PlyLobe, PlyParameters, PlyPlace};
 pub use population::{FlakeMaterials, FlakeOptics, population_shape};
 pub use section::{SECTIONS, Section};
-pub use sggx::{AxialFlake, Sggx};
+pub use sggx::Sggx;
 pub use surface::{Footprint, Passage, Shifted, Surface};
 pub use virtual_fibres::{
     MetFibre, effective_cross_section, meet_fibre, population_sigma_t_per_mm, sigma_t_per_mm,
