@@ -11,6 +11,7 @@ use organza_kernel::{
     Backend, CPU_ENGINES, ENGINES, Engine, EngineRecord, FibreProbe, FlatScene, LaidOut, Matter,
     Refusal, Reserve, View,
 };
+use organza_scatter::LaneEvent;
 use std::sync::Arc;
 
 /// Most bytes of the cells of a patch that is measured.
@@ -308,7 +309,6 @@ fn flatten_level(
     match medium {
         AnyMedium::Grid(m) if !m.is_piecewise_constant() => Err(KernelRefusal::Interpolated),
         AnyMedium::Grid(m) => flat_scene(m, scene, settings, max_bytes),
-        AnyMedium::SggxOctree(m) => flat_scene(m, scene, settings, max_bytes),
         AnyMedium::VirtualFibres(m) if m.event() == VirtualFibreEvent::Packed => {
             Err(KernelRefusal::Packed)
         }
@@ -316,7 +316,10 @@ fn flatten_level(
             Err(KernelRefusal::LocalVisibility)
         }
         AnyMedium::VirtualFibres(m) => flat_scene(m, scene, settings, max_bytes),
-        AnyMedium::FlakeOctree(_) => Err(KernelRefusal::Family),
+        AnyMedium::FlakeOctree(m) => match m.flakes().scattering().lane_event() {
+            LaneEvent::SggxMirrors => flat_scene(m, scene, settings, max_bytes),
+            _ => Err(KernelRefusal::Family),
+        },
         _ => Err(KernelRefusal::NotFlakes),
     }
 }

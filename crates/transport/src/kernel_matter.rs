@@ -3,7 +3,7 @@
 //! Media do not know the kernel, and the kernel does not know media: both meet here.
 //! Explicit fibres describe themselves ([`ExplicitFibres::body`](crate::ExplicitFibres)).
 
-use crate::{Draping, GridMedium, Medium, Plane, SggxOctreeMedium, VirtualFibreMedium};
+use crate::{Draping, FlakeOctreeMedium, GridMedium, Medium, Plane, VirtualFibreMedium};
 use glam::{DVec3, UVec3};
 use organza_basis::{CellGrid, FibrePopulation};
 use organza_kernel::fibres::{
@@ -146,7 +146,7 @@ fn blocks_of(octree: &Octree, level: u8) -> Option<MatterBlocks> {
     })
 }
 
-impl Matter for SggxOctreeMedium {
+impl Matter for FlakeOctreeMedium {
     fn cell_grid(&self) -> &CellGrid {
         Medium::cell_grid(self)
     }
@@ -161,13 +161,13 @@ impl Matter for SggxOctreeMedium {
     }
 
     fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {
-        let mixture = SggxOctreeMedium::populations(self, cell);
-        out.extend(mixture.as_slice().iter().map(|c| {
-            let materials = self.materials();
+        let mixture = FlakeOctreeMedium::populations(self, cell);
+        out.extend(mixture.iter().map(|c| {
+            let (broadside_per_mm, flakes) = self.flakes().flakes(c);
             Population {
-                broadside_per_mm: c.broadside_per_mm() * materials.shape(c).0,
-                flake: materials.flake(c),
-                substance: Substance::Flakes(materials.albedo(c)),
+                broadside_per_mm,
+                flake: AxialFlake::new(flakes.axis, flakes.end_on),
+                substance: Substance::Flakes(flakes.albedo),
                 yarn: c.yarn,
             }
         }));

@@ -4,9 +4,10 @@
 
 pub mod band;
 pub mod catalogue;
+mod distribution;
 mod gaussian;
 mod gaussian_diffuse;
-mod populations;
+mod mixtures;
 mod scattering;
 mod sggx_diffuse;
 mod sggx_specular;
@@ -14,8 +15,8 @@ mod sggx_transmitting;
 mod sine_power;
 
 pub use gaussian::GaussianBand;
-pub use populations::PopulationFlakes;
-pub use scattering::FlakeScattering;
+pub use mixtures::FlakeMixtures;
+pub use scattering::{FlakePopulation, FlakeScattering, LaneEvent};
 pub use sggx_transmitting::{ClearFibre, TransmittingFlakes};
 pub use sine_power::{SineBand, sine_power_from_gamma};
 

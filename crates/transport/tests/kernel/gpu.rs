@@ -74,7 +74,7 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     let flat = Projection::Orthographic { width_mm: 0.3 };
     let wide = Projection::Orthographic { width_mm: 0.7 };
     let grid = |repeats| AnyMedium::Grid(grid(repeats));
-    let mixtures = || AnyMedium::SggxOctree(cloth());
+    let mixtures = || AnyMedium::FlakeOctree(cloth());
     let all = || [parallel(), sky(), panels(), vec![picture()]].concat();
     vec![
         ("finite", scene(grid(false), parallel(), pinhole)),
