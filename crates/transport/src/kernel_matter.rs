@@ -11,11 +11,11 @@ use organza_kernel::fibres::{
 };
 use organza_kernel::packed::{ExpectedFibre, PackedVoxels};
 use organza_kernel::{
-    Matter, MatterBlocks, NO_YARN, Population, Substance, Unsuited, end_on_ratio,
+    Matter, MatterBlocks, NO_YARN, Population, Scatterers, Substance, Unsuited, end_on_ratio,
 };
 use organza_mesh::{Shell, ShellSpan};
 use organza_scatter::virtual_fibres::population_sigma_t_per_mm;
-use organza_scatter::{AxialFlake, Fibre};
+use organza_scatter::{AxialFlake, Fibre, FlakeFamily};
 use organza_volume::Octree;
 use std::sync::Arc;
 
@@ -113,8 +113,8 @@ impl Matter for GridMedium {
         Medium::cell_grid(self)
     }
 
-    fn fibres(&self) -> Option<&[Fibre]> {
-        None
+    fn scatterers(&self) -> Scatterers<'_> {
+        Scatterers::Flakes(FlakeFamily::SGGX_SPECULAR.scattering(&[]))
     }
 
     fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {
@@ -128,7 +128,7 @@ impl Matter for GridMedium {
             out.push(Population {
                 broadside_per_mm,
                 flake,
-                substance: Substance::Flakes(albedo),
+                substance: Substance::Flakes(albedo, 0),
                 yarn: NO_YARN,
             });
         }
@@ -151,8 +151,8 @@ impl Matter for FlakeOctreeMedium {
         Medium::cell_grid(self)
     }
 
-    fn fibres(&self) -> Option<&[Fibre]> {
-        None
+    fn scatterers(&self) -> Scatterers<'_> {
+        Scatterers::Flakes(Arc::clone(self.flakes().scattering()))
     }
 
     fn blocks(&self) -> Option<MatterBlocks> {
@@ -167,7 +167,7 @@ impl Matter for FlakeOctreeMedium {
             Population {
                 broadside_per_mm,
                 flake: AxialFlake::new(flakes.axis, flakes.end_on),
-                substance: Substance::Flakes(flakes.albedo),
+                substance: Substance::Flakes(flakes.albedo, flakes.material),
                 yarn: c.yarn,
             }
         }));
@@ -180,8 +180,8 @@ impl Matter for VirtualFibreMedium {
         Medium::cell_grid(self)
     }
 
-    fn fibres(&self) -> Option<&[Fibre]> {
-        Some(VirtualFibreMedium::fibres(self))
+    fn scatterers(&self) -> Scatterers<'_> {
+        Scatterers::Fibres(VirtualFibreMedium::fibres(self))
     }
 
     fn blocks(&self) -> Option<MatterBlocks> {

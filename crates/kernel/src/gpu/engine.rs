@@ -52,7 +52,7 @@ impl GpuEngine {
             return Err(Refusal::Blocks("gpu"));
         }
         GpuEngine::new(
-            || Ok(voxel_scene::program_scene(scene)),
+            || voxel_scene::program_scene(scene),
             scene.memory_bytes(),
             division,
         )
@@ -78,7 +78,7 @@ impl GpuEngine {
     /// # Errors
     /// The scene is too large for such an adapter.
     pub fn source_for_voxels(scene: &Arc<FlatScene>) -> Result<String, Refusal> {
-        let scene = voxel_scene::program_scene(scene);
+        let scene = voxel_scene::program_scene(scene)?;
         let split = scene.tables.split(&COMMON_LIMITS)?;
         Ok(scene.source(&split, NumberBuffer::Uniform))
     }

@@ -197,10 +197,10 @@ fn fly<F: Floats, E: Event<F>>(scene: &FlatScene, paths: &mut Paths<F>, stats: &
     let voxel = VoxelWords(words);
 
     // Squares of extinctions, times that of the axis' length.
-    let (axis, end_on) = (voxel.axis(), voxel.end_on());
+    let axis = voxel.axis();
     let across = axis.cross(paths.direction);
     let (square, across) = (axis.dot(axis), across.dot(across));
-    let area = E::area_squared(square - across, across, end_on);
+    let area = E::area_squared(scene, voxel, square - across, across);
     let broadside = voxel.broadside();
     let extinction = broadside * broadside * area;
     let bound = majorant * majorant * square;
@@ -287,12 +287,7 @@ pub fn add_panels_in_sight<F: Floats>(
             channel[lane] += seen;
         }
     }
-    let [x, y, z] = radiance;
-    paths.radiance = V3 {
-        x: F::load(&x),
-        y: F::load(&y),
-        z: F::load(&z),
-    };
+    paths.radiance = loaded(&radiance);
 }
 
 /// The events of the lanes that met something: light, a new direction,
@@ -400,4 +395,14 @@ pub fn stored<F: Floats>(v: V3<F>) -> [[f32; MAX_LANES]; 3] {
     v.y.store(&mut out[1]);
     v.z.store(&mut out[2]);
     out
+}
+
+/// Lanes of components.
+#[inline(always)]
+pub fn loaded<F: Floats>([x, y, z]: &[[f32; MAX_LANES]; 3]) -> V3<F> {
+    V3 {
+        x: F::load(x),
+        y: F::load(y),
+        z: F::load(z),
+    }
 }

@@ -5,6 +5,7 @@ mod direct_light;
 mod energy;
 mod engines;
 mod explicit_fibres;
+mod flake_families;
 #[cfg(feature = "gpu")]
 mod gpu;
 #[cfg(feature = "gpu")]

@@ -1,7 +1,8 @@
-//! Micro-flakes about the fibres of a voxel, one population in every lane.
+//! Mirrors of the SGGX distribution about the fibres of a voxel, one population in every lane.
 
 use super::event::{Event, Meeting, Turn};
 use super::flat_scene::FlatScene;
+use super::voxel_words::VoxelWords;
 use glam::Vec3;
 use organza_lanes::math::{LaneRng, V3};
 use organza_lanes::{Floats, Ints};
@@ -17,8 +18,8 @@ pub struct Mirrors<F: Floats> {
 
 impl<F: Floats> Event<F> for Mirrors<F> {
     #[inline(always)]
-    fn area_squared(along: F, across: F, end_on: F) -> F {
-        (end_on * end_on).mul_add(along, across)
+    fn area_squared(_: &FlatScene, voxel: VoxelWords<F::Ints>, along: F, across: F) -> F {
+        ellipsoid(voxel, along, across)
     }
 
     #[inline(always)]
@@ -33,7 +34,7 @@ impl<F: Floats> Event<F> for Mirrors<F> {
             flakes,
             w_out: met.w_out,
             per_area: F::splat(1.0) / flakes.area(met.w_out),
-            albedo: albedo(scene, met.place),
+            albedo: scene.medium.albedo_at(met.place),
         }
     }
 
@@ -65,18 +66,9 @@ impl<F: Floats> Event<F> for Mirrors<F> {
     }
 }
 
-/// Albedos of the populations at these places.
+/// See [`Event::area_squared`]: of flakes of the SGGX distribution.
 #[inline(always)]
-fn albedo<F: Floats>(scene: &FlatScene, place: F::Ints) -> V3<F> {
-    let (medium, word) = (&scene.medium, F::Ints::splat);
-    if medium.materials.is_empty() {
-        return V3::splat(medium.only_albedo());
-    }
-    let substances = &medium.substances[..];
-    let first = place.gather(&medium.materials).shl::<2>();
-    V3 {
-        x: first.gather(substances).as_floats(),
-        y: (first + word(1)).gather(substances).as_floats(),
-        z: (first + word(2)).gather(substances).as_floats(),
-    }
+pub fn ellipsoid<U: Ints>(voxel: VoxelWords<U>, along: U::Floats, across: U::Floats) -> U::Floats {
+    let end_on = voxel.end_on();
+    (end_on * end_on).mul_add(along, across)
 }
