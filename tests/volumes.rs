@@ -80,16 +80,11 @@ fn a_mixture_is_seen_in_one_way() {
     assert!(merged.sigma_t.data == own[0].data);
     assert!(merged.sggx.unwrap().data == own[1].data);
     assert!(merged.albedo.unwrap().data == own[2].data);
-    let medium = organza_transport::SggxOctreeMedium::new(
-        octree.clone(),
-        0,
-        vec![optics(0.9, 0.7, 0.4), optics(0.2, 0.7, 0.8)],
-    );
-    let medium = medium.unwrap();
+    let own_optics = vec![optics(0.9, 0.7, 0.4), optics(0.2, 0.7, 0.8)];
+    let flakes = organza_transport::FlakeFamily::SGGX_SPECULAR.of_materials(own_optics);
     let mut rng = PathRng::from_seed(4);
     let (mut alone, mut several) = (0, 0);
     octree.for_each_occupied(0, |cell| {
-        use organza_transport::Medium;
         let mixture = octree.mixture(0, cell);
         if mixture.len() > 1 {
             several += 1;
@@ -99,7 +94,7 @@ fn a_mixture_is_seen_in_one_way() {
         let w = warp::uniform_sphere(rng.unit2());
         let s = organza_basis::Sym3::from_array(own[1].cell(cell).try_into().unwrap());
         let of_file = own[0].cell(cell)[0] * s.quadratic(w).sqrt();
-        let of_renderer = medium.sigma_t(&mixture, w);
+        let of_renderer = flakes.sigma_t_per_mm(&mixture, w);
         let broadside = mixture.broadside_per_mm();
         assert!(
             (of_file - of_renderer).abs() < 8.0 * f32::EPSILON * broadside,

@@ -10,7 +10,7 @@ use organza_scatter::{Fibre, FittedFibre, FittedParameters, Lobe};
 use organza_testing::dielectric_fibre;
 use organza_transport::{
     AnyMedium, ExplicitFibres, FlakeFamily, FlakeOctreeMedium, FlakeOptics, Grid, GridMedium,
-    Interpolation, SggxOctreeMedium, VirtualFibreEvent, VirtualFibreMedium,
+    Interpolation, VirtualFibreEvent, VirtualFibreMedium,
 };
 use organza_volume::{FibreFootprint, Octree, VoxelizeOptions, voxelize};
 use std::fmt::Write as _;
@@ -80,13 +80,12 @@ pub fn matters(source: &SegmentList, log: &mut String) -> Vec<Matter> {
         }];
         let make = || covered.clone();
         let white = albedo == 1.0;
-        let words = |family: &str| format!("{family}, albedo {albedo}, ratio {end_on_ratio}");
-        let sggx = SggxOctreeMedium::new(make(), 0, optics.clone()).map(AnyMedium::SggxOctree);
-        put(words("sggx"), sggx.ok_or_else(String::new), white, 1e-5);
-        for family in FlakeFamily::all().filter(|f| *f != FlakeFamily::SGGX_SPECULAR) {
+        for family in FlakeFamily::all() {
+            let name = family.name();
+            let words = format!("{name}, albedo {albedo}, ratio {end_on_ratio}");
             let medium = FlakeOctreeMedium::new(make(), 0, optics.clone(), family);
             let medium = medium.map(AnyMedium::FlakeOctree).ok_or_else(String::new);
-            put(words(family.name()), medium, white, 1e-5);
+            put(words, medium, white, 1e-5);
         }
     }
     for (name, fibre, white) in [

@@ -50,7 +50,9 @@ pub use cpu::{FibreEngine, FibreProbe, ProbePaths, VoxelEngine};
 pub use devices::{DeviceKind, DeviceSummary};
 pub use engine::{Engine, EngineRecord, Lost, MadeEngine};
 pub use laid_out::LaidOut;
-pub use matter::{MAX_DIM, Matter, MatterBlocks, NO_YARN, Population, Substance, Unsuited};
+pub use matter::{
+    MAX_DIM, Matter, MatterBlocks, NO_YARN, Population, Scatterers, Substance, Unsuited,
+};
 pub use organza_lanes::Backend;
 pub use refusal::Refusal;
 pub use reserve::Reserve;

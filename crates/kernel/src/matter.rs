@@ -2,7 +2,7 @@
 
 use glam::{UVec2, UVec3};
 use organza_basis::{CellGrid, Rgb};
-use organza_scatter::{AxialFlake, Fibre};
+use organza_scatter::{AxialFlake, Fibre, FlakeScattering};
 use std::sync::Arc;
 
 /// Matter that can be laid out flat: constant within the voxels of a grid, in each
@@ -11,9 +11,8 @@ pub trait Matter: Sync {
     /// Where it is, and how it repeats.
     fn cell_grid(&self) -> &CellGrid;
 
-    /// The fibres that scatter, by the number that [`Substance::Fibres`] has;
-    /// `None` of micro-flakes.
-    fn fibres(&self) -> Option<&[Fibre]>;
+    /// What scatters.
+    fn scatterers(&self) -> Scatterers<'_>;
 
     /// Which block each crossing of a cloth of blocks shows; `None` of other matter.
     fn blocks(&self) -> Option<MatterBlocks> {
@@ -25,6 +24,14 @@ pub trait Matter: Sync {
     /// # Errors
     /// A voxel that the kernel has no words for.
     fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited>;
+}
+
+/// What scatters in matter.
+pub enum Scatterers<'a> {
+    /// Micro-flakes of a family.
+    Flakes(Arc<dyn FlakeScattering>),
+    /// Virtual fibres, by the number that [`Substance::Fibres`] has.
+    Fibres(&'a [Fibre]),
 }
 
 /// Matter that repeats a few blocks of voxels, in any order: a crossing of its grid shows one of
@@ -57,8 +64,8 @@ pub struct Population {
 /// What a population scatters light with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Substance {
-    /// Micro-flakes of that albedo.
-    Flakes(Rgb),
+    /// Micro-flakes of that albedo and material.
+    Flakes(Rgb, u16),
     /// Fibres of that material.
     Fibres(u16),
 }

@@ -221,6 +221,19 @@ pub fn sin_cos_of_turns<F: Floats>(u: F) -> (F, F) {
     )
 }
 
+/// A point on the unit sphere, uniform for two uniform numbers in `[0, 1)`.
+#[inline(always)]
+pub fn on_sphere<F: Floats>(turns: F, height: F) -> V3<F> {
+    let one = F::splat(1.0);
+    let (sin, cos) = sin_cos_of_turns(turns);
+    let r = (F::splat(4.0) * height * (one - height)).sqrt();
+    V3 {
+        x: r * cos,
+        y: r * sin,
+        z: height.mul_add(F::splat(-2.0), one),
+    }
+}
+
 /// Set in the second half of every four.
 #[inline(always)]
 fn sign_bit<F: Floats>(quarter: F::Ints) -> F::Ints {

@@ -8,7 +8,7 @@
 //! | micro-flakes of one axis | density x [`MicroFlake::projected_area`] of [`AxialFlake`] | [`MicroFlake::eval`] toward lights, [`MicroFlake::sample`] for the next direction; or both as a [`Lobe`] by [`SpecularFlakes`] |
 //! | micro-flakes from six numbers | the same of [`Sggx`] | the same |
 //! | rough-fibre flakes of a width | the same of [`BandFlakes`] | the same |
-//! | a mixture, as flakes of a [`FlakeFamily`] | [`FlakeScattering::sigma_t_per_mm`] | the other methods of [`FlakeScattering`] |
+//! | a mixture, as flakes of a [`FlakeFamily`] | [`FlakeMixtures::sigma_t_per_mm`] | the other methods of [`FlakeMixtures`] |
 //! | diffuse flakes | as above | [`DiffuseFlake::meet`] once, then its [`Lobe`] |
 //! | a [`Mixture`](organza_basis::Mixture), plain virtual scattering | [`sigma_t_per_mm`] | [`meet_fibre`], then [`Fibre::far_field`] of its tangent |
 //! | a mixture, packed fibres | [`sigma_t_per_mm`] x [`void_multiplier`], looked up at [`PackedEvent::axis_mm`] | [`meet_fibre`], [`PackedEvent::draw`], [`Fibre::near_field`], and on from [`PackedEvent::exit_mm`] |
@@ -106,6 +106,7 @@
 //!   is reciprocal only up to 2.2 % (explicit fibres: 3.6 %), as `tests/packed_fibres.rs`
 //!   states pair by pair.
 
+mod axial_flake;
 pub mod bvdf;
 mod cone_table;
 pub mod cylinder;
@@ -134,6 +135,7 @@ pub mod surface;
 mod traced_section;
 pub mod virtual_fibres;
 
+pub use axial_flake::AxialFlake;
 pub use bvdf::{Bvdf, BvdfBuilder};
 pub use dielectric::{DielectricFibre, DielectricParameters};
 pub use error::Error;
@@ -145,8 +147,8 @@ pub use fitted::{FittedFibre, FittedParameters, FittedTable};
 pub use flake::band::{BandFlakes, BandProfile};
 pub use flake::catalogue::{FLAKE_FAMILIES, FlakeFamily};
 pub use flake::{
-    ClearFibre, DiffuseFlake, FlakeScattering, GaussianBand, MicroFlake, PopulationFlakes,
-    SineBand, SpecularFlakes, TransmittingFlakes,
+    ClearFibre, DiffuseFlake, FlakeMixtures, FlakePopulation, FlakeScattering, GaussianBand,
+    LaneEvent, MicroFlake, SineBand, SpecularFlakes, TransmittingFlakes,
 };
 pub use heap_colour::{absorption_for_colour, absorption_for_colour_of};
 pub use inclination_pair::InclinationPair;
@@ -156,7 +158,7 @@ pub use packed_fibre::{PackedEvent, packing_fraction, void_multiplier};
 pub use ply::{Ply, PlyCorrection, PlyEvent, PlyLobe, PlyParameters, PlyPlace};
 pub use population::{FlakeMaterials, FlakeOptics, population_shape};
 pub use section::{SECTIONS, Section};
-pub use sggx::{AxialFlake, Sggx};
+pub use sggx::Sggx;
 pub use surface::{Footprint, Passage, Shifted, Surface};
 pub use virtual_fibres::{
     MetFibre, effective_cross_section, meet_fibre, population_sigma_t_per_mm, sigma_t_per_mm,

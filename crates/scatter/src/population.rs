@@ -1,7 +1,6 @@
 //! The fibres of a voxel as micro-flakes: the shape that spread and
 //! roughness give together, and what a mixture is as one population.
 
-use crate::AxialFlake;
 use crate::sggx::MIN_RATIO;
 use organza_basis::spread::mean_over_angle;
 use organza_basis::{FibrePopulation, MergedFlakes, Mixture, Rgb, Sym3};
@@ -61,12 +60,6 @@ pub fn sggx_across_along(spread_rad: f32) -> (f32, f32) {
     ((across * across) as f32, (along * along) as f32)
 }
 
-/// [`population_shape`] against spread for one material, tabulated: the
-/// quadrature behind it has no place at a look-up.
-pub struct ShapeTable<T> {
-    rows: Vec<T>,
-}
-
 /// Rows in `s / (1 + s)`, which takes every spread into `[0, 1)`; linear
 /// interpolation between 512 of them is exact to 1e-4, below what a voxel's
 /// quantised spread is.
@@ -81,34 +74,25 @@ static ACROSS_ALONG: LazyLock<Vec<(f32, f32)>> = LazyLock::new(|| {
     (0..=ROWS).map(row).collect()
 });
 
-impl<T> ShapeTable<T> {
-    /// `row` of each broadside area and end-on ratio.
-    pub fn new(end_on_ratio: f32, row: impl Fn(f32, f32) -> T) -> ShapeTable<T> {
-        let of = |&eigenvalues: &(f32, f32)| {
-            let (broadside, end_on) = shape(eigenvalues, end_on_ratio);
-            row(broadside, end_on)
-        };
+/// [`population_shape`] against spread for one material, tabulated: the
+/// quadrature behind it has no place at a look-up.
+struct ShapeTable {
+    /// Broadside area and end-on ratio.
+    rows: Vec<(f32, f32)>,
+}
+
+impl ShapeTable {
+    fn new(end_on_ratio: f32) -> ShapeTable {
+        let rows = ACROSS_ALONG.iter().map(|&row| shape(row, end_on_ratio));
         ShapeTable {
-            rows: ACROSS_ALONG.iter().map(of).collect(),
+            rows: rows.collect(),
         }
     }
 
-    fn place(spread_rad: f32) -> f32 {
-        spread_rad / (1.0 + spread_rad) * ROWS as f32
-    }
-
-    /// The row nearest to a spread.
+    /// Interpolated.
     #[inline]
-    pub fn nearest(&self, spread_rad: f32) -> &T {
-        &self.rows[((Self::place(spread_rad) + 0.5) as usize).min(ROWS)]
-    }
-}
-
-impl ShapeTable<(f32, f32)> {
-    /// Broadside area and end-on ratio, interpolated.
-    #[inline]
-    pub fn look_up(&self, spread_rad: f32) -> (f32, f32) {
-        let u = Self::place(spread_rad);
+    fn look_up(&self, spread_rad: f32) -> (f32, f32) {
+        let u = spread_rad / (1.0 + spread_rad) * ROWS as f32;
         let i = (u as usize).min(ROWS - 1);
         let (a, b, f) = (self.rows[i], self.rows[i + 1], u - i as f32);
         (a.0 + f * (b.0 - a.0), a.1 + f * (b.1 - a.1))
@@ -119,8 +103,8 @@ impl ShapeTable<(f32, f32)> {
 /// populations tabulated.
 pub struct FlakeMaterials {
     optics: Vec<FlakeOptics>,
-    /// Broadside area and end-on ratio, per material.
-    shapes: Vec<ShapeTable<(f32, f32)>>,
+    /// Per material.
+    shapes: Vec<ShapeTable>,
 }
 
 impl FlakeMaterials {
@@ -128,7 +112,7 @@ impl FlakeMaterials {
     pub fn new(optics: Vec<FlakeOptics>) -> FlakeMaterials {
         let shapes = optics
             .iter()
-            .map(|o| ShapeTable::new(o.end_on_ratio, |broadside, end_on| (broadside, end_on)))
+            .map(|o| ShapeTable::new(o.end_on_ratio))
             .collect();
         FlakeMaterials { optics, shapes }
     }
@@ -150,12 +134,6 @@ impl FlakeMaterials {
     #[inline]
     pub fn albedo(&self, c: &FibrePopulation) -> Rgb {
         self.optics[usize::from(c.material)].albedo
-    }
-
-    /// The flakes of a population, at any scale.
-    #[inline]
-    pub fn flake(&self, c: &FibrePopulation) -> AxialFlake {
-        AxialFlake::new(c.axis, self.shape(c).1)
     }
 
     /// What a mixture is as one population: extinctions at unit area add, matrices
@@ -203,7 +181,7 @@ impl FlakeMaterials {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::MicroFlake;
+    use crate::{AxialFlake, MicroFlake};
     use glam::Vec3;
     use organza_basis::quadrature::{gauss_legendre, integrate, integrate_rule};
     use organza_basis::{PathRng, warp};
@@ -236,7 +214,7 @@ mod tests {
     #[test]
     fn the_table_is_the_quadrature() {
         for end_on_ratio in [0.0, 0.1, 1.0] {
-            let table = ShapeTable::new(end_on_ratio, |broadside, end_on| (broadside, end_on));
+            let table = ShapeTable::new(end_on_ratio);
             for i in 0..200 {
                 let s = 0.0247 * i as f32;
                 let (broadside, end_on) = population_shape(s, end_on_ratio);
@@ -274,7 +252,8 @@ mod tests {
             mixture.push(c);
             let merged = materials.merged(&mixture);
             let w = warp::uniform_sphere(rng.unit2());
-            let area = materials.shape(&c).0 * materials.flake(&c).projected_area(w);
+            let (broadside, end_on) = materials.shape(&c);
+            let area = broadside * AxialFlake::new(c.axis, end_on).projected_area(w);
             let own = c.broadside_per_mm() * area;
             let got = merged.density_per_mm * merged.sggx.quadratic(w).max(0.0).sqrt();
             // Along the fibre the matrix loses digits: 1e-3 of the broadside.

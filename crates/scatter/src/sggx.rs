@@ -144,27 +144,6 @@ fn cholesky(s: Sym3) -> Option<Sggx> {
     })
 }
 
-/// [`MicroFlake::eval`] of SGGX flakes without normalising the half vector: the
-/// distribution of normals is a quadratic form to the power -2, so its length
-/// comes out as a power.
-#[inline]
-fn mirror(
-    flakes: &impl MicroFlake,
-    w_out: Vec3,
-    w_in: Vec3,
-    sqrt_determinant: f32,
-    inverse_quadratic: impl Fn(Vec3) -> f32,
-) -> f32 {
-    let h = w_out + w_in;
-    let squared = h.length_squared();
-    let area = flakes.projected_area(w_out);
-    if squared <= MIN_HALF_SQUARED {
-        return 0.25 * flakes.ndf_mean_across(w_out) / area;
-    }
-    let q = inverse_quadratic(h);
-    (0.25 * FRAC_1_PI) * squared * squared / (sqrt_determinant * q * q * area)
-}
-
 impl MicroFlake for Sggx {
     fn projected_area(&self, w: Vec3) -> f32 {
         self.ball_from_world(w).length()
@@ -191,119 +170,16 @@ impl MicroFlake for Sggx {
         self.world_from_ball(seen + warp::uniform_sphere(rng.unit2()))
     }
 
+    /// Without normalising the half vector: the distribution of normals is a quadratic form
+    /// to the power -2, so its length comes out as a power.
     fn eval(&self, w_out: Vec3, w_in: Vec3) -> f32 {
-        mirror(self, w_out, w_in, self.sqrt_determinant(), |h| {
-            self.inverse_quadratic(h)
-        })
-    }
-}
-
-/// SGGX flakes of a fibre: S = I - (1 - e^2) t t^T for the axis t and the
-/// end-on ratio e, so that the projected area is one broadside and e end-on.
-///
-/// The form without a matrix: the axis is kept scaled by `sqrt(1 - e^2)`.
-/// As e goes to zero the area becomes the sine of the angle to the axis: the
-/// extinction of a medium of smooth parallel fibres.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AxialFlake {
-    scaled_axis: Vec3,
-    end_on: f32,
-}
-
-impl AxialFlake {
-    /// From a unit axis (its sign does not matter) and the ratio of the end-on
-    /// to the broadside area, raised to [`MIN_RATIO`] and cut at one.
-    pub fn new(axis: Vec3, end_on: f32) -> AxialFlake {
-        let end_on = end_on.clamp(MIN_RATIO, 1.0);
-        AxialFlake {
-            scaled_axis: axis * (1.0 - end_on * end_on).sqrt(),
-            end_on,
+        let h = w_out + w_in;
+        let squared = h.length_squared();
+        let area = self.projected_area(w_out);
+        if squared <= MIN_HALF_SQUARED {
+            return 0.25 * self.ndf_mean_across(w_out) / area;
         }
-    }
-
-    /// The flakes of a matrix S and their broadside area, when S is that of a
-    /// fibre: `a^2 I - a^2 (1 - e^2) t t^T`, within a 10,000th of its trace.
-    ///
-    /// The deviator of such a matrix has the eigenvalues d, d and -2 d.
-    pub fn from_matrix(s: Sym3) -> Option<(f32, AxialFlake)> {
-        let third = s.trace() / 3.0;
-        let deviator = s.plus(Sym3::IDENTITY.scaled(-third));
-        let (d, o) = (deviator.diagonal, deviator.off_diagonal);
-        let d = ((d.length_squared() + 2.0 * o.length_squared()) / 6.0).sqrt();
-        let (across, along) = (third + d, (third - 2.0 * d).max(0.0));
-        if across.is_nan() || across <= 0.0 {
-            return None;
-        }
-        // 3 d t t^T, whose longest row runs along t.
-        let rest = Sym3::IDENTITY.scaled(across).plus(s.scaled(-1.0));
-        let axis = [Vec3::X, Vec3::Y, Vec3::Z]
-            .map(|e| rest.mul_vec(e))
-            .into_iter()
-            .max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))?
-            .normalize_or(Vec3::Z);
-        let wrong = rest.plus(Sym3::outer(axis).scaled(-3.0 * d)).to_array();
-        let slack = 1e-4 * s.trace();
-        if wrong.iter().any(|x| x.abs() > slack) {
-            return None;
-        }
-        let flake = AxialFlake::new(axis, (along / across).sqrt());
-        Some((across.sqrt(), flake))
-    }
-
-    /// The axis times `sqrt(1 - e^2)`.
-    pub fn scaled_axis(&self) -> Vec3 {
-        self.scaled_axis
-    }
-
-    /// The end-on ratio e.
-    pub fn end_on(&self) -> f32 {
-        self.end_on
-    }
-
-    /// The same flakes as a matrix, for files and as an oracle.
-    pub fn matrix(&self) -> Sym3 {
-        Sym3::IDENTITY.plus(Sym3::outer(self.scaled_axis).scaled(-1.0))
-    }
-
-    /// S^1/2 v; (1 - e) / (1 - e^2) = 1 / (1 + e) keeps e = 1 harmless.
-    fn root(&self, v: Vec3) -> Vec3 {
-        v - self.scaled_axis * (self.scaled_axis.dot(v) / (1.0 + self.end_on))
-    }
-
-    fn inverse_quadratic(&self, m: Vec3) -> f32 {
-        let along = self.scaled_axis.dot(m) / self.end_on;
-        m.length_squared() + along * along
-    }
-}
-
-impl MicroFlake for AxialFlake {
-    /// `sqrt(e^2 + |t' x w|^2)` for the scaled axis t': equal to
-    /// `sqrt(1 - (t' . w)^2)`, but exact when looking along the fibre.
-    fn projected_area(&self, w: Vec3) -> f32 {
-        let across = self.scaled_axis.cross(w).length_squared();
-        (self.end_on * self.end_on + across).sqrt()
-    }
-
-    fn ndf(&self, m: Vec3) -> f32 {
-        let q = self.inverse_quadratic(m);
-        FRAC_1_PI / (self.end_on * q * q)
-    }
-
-    /// See [`Sggx::ndf_mean_across`]; here |S| = e^2 and the two eigenvalues of
-    /// S^-1 across w are 1 and `projected_area^2 / e^2`.
-    fn ndf_mean_across(&self, w: Vec3) -> f32 {
-        let (e, area) = (self.end_on, self.projected_area(w));
-        0.5 * FRAC_1_PI * (e * e + area * area) / (area * area * area)
-    }
-
-    fn visible_direction_sample(&self, w: Vec3, rng: &mut PathRng) -> Vec3 {
-        let seen = self.root(w).normalize_or(Vec3::Z);
-        self.root(seen + warp::uniform_sphere(rng.unit2()))
-    }
-
-    fn eval(&self, w_out: Vec3, w_in: Vec3) -> f32 {
-        mirror(self, w_out, w_in, self.end_on, |h| {
-            self.inverse_quadratic(h)
-        })
+        let q = self.inverse_quadratic(h);
+        (0.25 * FRAC_1_PI) * squared * squared / (self.sqrt_determinant() * q * q * area)
     }
 }

@@ -1,6 +1,7 @@
+use crate::AxialFlake;
 use crate::flake::{DiffuseFlake, MicroFlake, SpecularFlakes};
 use crate::proofs::*;
-use crate::sggx::{AxialFlake, MIN_RATIO, Sggx};
+use crate::sggx::{MIN_RATIO, Sggx};
 use glam::{Mat3, Vec3};
 use organza_basis::{Frame, Moments, PathRng, Sym3, warp};
 

@@ -8,9 +8,10 @@ use glam::{DVec3, UVec2, UVec3, Vec3};
 use organza_basis::{Aabb, Mixture, Rgb, Sym3};
 use organza_light::Light;
 use organza_light::mitsuba::{colour, matrix, numbers};
+use organza_scatter::LaneEvent;
 use organza_transport::{
-    AnyMedium, Camera, CellGrid, Grid, GridMedium, Interpolation, Medium, PixelFilter, Plane,
-    Projection, Scene, SggxOctreeMedium,
+    AnyMedium, Camera, CellGrid, FlakeOctreeMedium, Grid, GridMedium, Interpolation, Medium,
+    PixelFilter, Plane, Projection, Scene,
 };
 use organza_volume::format::grid_set::BYTES_PER_CELL;
 use organza_volume::{GridSet, VolGrid};
@@ -85,7 +86,7 @@ pub fn export(
                 continue;
             }
             AnyMedium::Grid(m) => (Grids::of_grid(m), m.cell_grid()),
-            AnyMedium::SggxOctree(m) => {
+            AnyMedium::FlakeOctree(m) if is_sggx_mirror(m) => {
                 let (grids, merged) = Grids::of_cloth(m, tiling.max_bytes).map_err(fail)?;
                 if merged > 0 {
                     out.notes.push(format!(
@@ -137,6 +138,11 @@ pub fn export(
     Ok(out)
 }
 
+/// Whether a cloth is of the one family that Mitsuba has.
+fn is_sggx_mirror(medium: &FlakeOctreeMedium) -> bool {
+    medium.flakes().scattering().lane_event() == LaneEvent::SggxMirrors
+}
+
 /// One medium's grids.
 struct Grids {
     sigma_t: VolGrid,
@@ -184,14 +190,14 @@ impl Grids {
 
     /// The grids of a cloth, and how many of its voxels hold more than one
     /// population.
-    fn of_cloth(medium: &SggxOctreeMedium, max_bytes: u64) -> Result<(Grids, usize), String> {
+    fn of_cloth(medium: &FlakeOctreeMedium, max_bytes: u64) -> Result<(Grids, usize), String> {
         // Grids have the voxels of the level itself, without the outlines inside them.
         let dims = medium.octree().dims(medium.level());
         let cells = dims.as_u64vec3().element_product();
         check_memory(cells.saturating_mul(BYTES_PER_CELL), max_bytes)?;
         let several = std::cell::Cell::new(0);
         let merge = |mixture: &Mixture| {
-            let merged = medium.materials().merged(mixture);
+            let merged = medium.flakes().materials().merged(mixture);
             several.set(several.get() + usize::from(merged.populations > 1));
             merged
         };

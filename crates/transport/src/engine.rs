@@ -28,9 +28,6 @@ pub enum KernelRefusal {
     /// A medium of other than micro-flakes or virtual fibres.
     #[error("the medium is neither micro-flakes about fibre axes nor virtual fibres")]
     NotFlakes,
-    /// Micro-flakes of a family that the kernel does not have.
-    #[error("the micro-flakes are not of the family \"sggx-specular\", the only one in the kernel")]
-    Family,
     /// Samples are to be clamped.
     #[error("clamping needs the general walk")]
     Clamp,
@@ -308,7 +305,7 @@ fn flatten_level(
     match medium {
         AnyMedium::Grid(m) if !m.is_piecewise_constant() => Err(KernelRefusal::Interpolated),
         AnyMedium::Grid(m) => flat_scene(m, scene, settings, max_bytes),
-        AnyMedium::SggxOctree(m) => flat_scene(m, scene, settings, max_bytes),
+        AnyMedium::FlakeOctree(m) => flat_scene(m, scene, settings, max_bytes),
         AnyMedium::VirtualFibres(m) if m.event() == VirtualFibreEvent::Packed => {
             Err(KernelRefusal::Packed)
         }
@@ -316,7 +313,6 @@ fn flatten_level(
             Err(KernelRefusal::LocalVisibility)
         }
         AnyMedium::VirtualFibres(m) => flat_scene(m, scene, settings, max_bytes),
-        AnyMedium::FlakeOctree(_) => Err(KernelRefusal::Family),
         _ => Err(KernelRefusal::NotFlakes),
     }
 }

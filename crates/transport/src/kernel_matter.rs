@@ -3,7 +3,7 @@
 //! Media do not know the kernel, and the kernel does not know media: both meet here.
 //! Explicit fibres describe themselves ([`ExplicitFibres::body`](crate::ExplicitFibres)).
 
-use crate::{Draping, GridMedium, Medium, Plane, SggxOctreeMedium, VirtualFibreMedium};
+use crate::{Draping, FlakeOctreeMedium, GridMedium, Medium, Plane, VirtualFibreMedium};
 use glam::{DVec3, UVec3};
 use organza_basis::{CellGrid, FibrePopulation};
 use organza_kernel::fibres::{
@@ -11,11 +11,11 @@ use organza_kernel::fibres::{
 };
 use organza_kernel::packed::{ExpectedFibre, PackedVoxels};
 use organza_kernel::{
-    Matter, MatterBlocks, NO_YARN, Population, Substance, Unsuited, end_on_ratio,
+    Matter, MatterBlocks, NO_YARN, Population, Scatterers, Substance, Unsuited, end_on_ratio,
 };
 use organza_mesh::{Shell, ShellSpan};
 use organza_scatter::virtual_fibres::population_sigma_t_per_mm;
-use organza_scatter::{AxialFlake, Fibre};
+use organza_scatter::{AxialFlake, Fibre, FlakeFamily};
 use organza_volume::Octree;
 use std::sync::Arc;
 
@@ -113,8 +113,8 @@ impl Matter for GridMedium {
         Medium::cell_grid(self)
     }
 
-    fn fibres(&self) -> Option<&[Fibre]> {
-        None
+    fn scatterers(&self) -> Scatterers<'_> {
+        Scatterers::Flakes(FlakeFamily::SGGX_SPECULAR.scattering(&[]))
     }
 
     fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {
@@ -128,7 +128,7 @@ impl Matter for GridMedium {
             out.push(Population {
                 broadside_per_mm,
                 flake,
-                substance: Substance::Flakes(albedo),
+                substance: Substance::Flakes(albedo, 0),
                 yarn: NO_YARN,
             });
         }
@@ -146,13 +146,13 @@ fn blocks_of(octree: &Octree, level: u8) -> Option<MatterBlocks> {
     })
 }
 
-impl Matter for SggxOctreeMedium {
+impl Matter for FlakeOctreeMedium {
     fn cell_grid(&self) -> &CellGrid {
         Medium::cell_grid(self)
     }
 
-    fn fibres(&self) -> Option<&[Fibre]> {
-        None
+    fn scatterers(&self) -> Scatterers<'_> {
+        Scatterers::Flakes(Arc::clone(self.flakes().scattering()))
     }
 
     fn blocks(&self) -> Option<MatterBlocks> {
@@ -161,13 +161,13 @@ impl Matter for SggxOctreeMedium {
     }
 
     fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {
-        let mixture = SggxOctreeMedium::populations(self, cell);
-        out.extend(mixture.as_slice().iter().map(|c| {
-            let materials = self.materials();
+        let mixture = FlakeOctreeMedium::populations(self, cell);
+        out.extend(mixture.iter().map(|c| {
+            let (broadside_per_mm, flakes) = self.flakes().flakes(c);
             Population {
-                broadside_per_mm: c.broadside_per_mm() * materials.shape(c).0,
-                flake: materials.flake(c),
-                substance: Substance::Flakes(materials.albedo(c)),
+                broadside_per_mm,
+                flake: AxialFlake::new(flakes.axis, flakes.end_on),
+                substance: Substance::Flakes(flakes.albedo, flakes.material),
                 yarn: c.yarn,
             }
         }));
@@ -180,8 +180,8 @@ impl Matter for VirtualFibreMedium {
         Medium::cell_grid(self)
     }
 
-    fn fibres(&self) -> Option<&[Fibre]> {
-        Some(VirtualFibreMedium::fibres(self))
+    fn scatterers(&self) -> Scatterers<'_> {
+        Scatterers::Fibres(VirtualFibreMedium::fibres(self))
     }
 
     fn blocks(&self) -> Option<MatterBlocks> {

@@ -6,10 +6,9 @@
 //! extinction along stretches of a ray, and at a point the extinction toward a
 //! direction and the scattering there. [`GridMedium`] answers from
 //! dense grids that other programs made. The media of octrees are one type,
-//! [`OctreeMedium`], over what scatters in a voxel: specular SGGX flakes
-//! ([`SggxOctreeMedium`]), flakes of another family ([`FlakeOctreeMedium`]) or virtual
-//! fibres ([`VirtualFibreMedium`]). [`Scene`] resolves which medium a ray is in once per
-//! ray; the loops inside are monomorphic. [`ExplicitFibres`] are no medium: rays
+//! [`OctreeMedium`], over what scatters in a voxel: micro-flakes of a family
+//! ([`FlakeOctreeMedium`]) or virtual fibres ([`VirtualFibreMedium`]). [`Scene`] resolves
+//! which medium a ray is in once per ray; the loops inside are monomorphic. [`ExplicitFibres`] are no medium: rays
 //! intersect them one by one, and they are the ground truth of the others. A
 //! [`LevelledCloth`] holds several media and a [`Surface`](organza_scatter::Surface) for
 //! distant views; every path meets the one that suits its pixel.

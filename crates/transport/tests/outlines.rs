@@ -6,8 +6,8 @@ use organza_basis::hypothesis::{t_test, welch_test};
 use organza_basis::{FibrePopulation, Mixture, Moments, PathRng, Ray, Rgb, unwatched};
 use organza_testing::{fitted_fibre, little_weave};
 use organza_transport::{
-    FlakeOptics, Medium, SggxOctreeMedium, Stats, VirtualFibreEvent, VirtualFibreMedium,
-    exact_transmittance, transmittance,
+    FlakeFamily, FlakeOctreeMedium, FlakeOptics, Medium, Stats, VirtualFibreEvent,
+    VirtualFibreMedium, exact_transmittance, transmittance,
 };
 use organza_volume::{
     FibreFootprint, MixtureGrid, MixtureSource, Octree, VoxelizeOptions, octree_of_mixtures,
@@ -53,12 +53,18 @@ impl MixtureSource for Stripes {
     }
 }
 
-fn medium(octree: &Arc<Octree>, level: u8) -> SggxOctreeMedium {
+fn medium(octree: &Arc<Octree>, level: u8) -> FlakeOctreeMedium {
     let optics = FlakeOptics {
         albedo: Rgb::splat(0.9),
         end_on_ratio: 0.1,
     };
-    SggxOctreeMedium::new(Arc::clone(octree), level, vec![optics]).unwrap()
+    FlakeOctreeMedium::new(
+        Arc::clone(octree),
+        level,
+        vec![optics],
+        FlakeFamily::SGGX_SPECULAR,
+    )
+    .unwrap()
 }
 
 /// Straight through the slab, rays meet a stripe or a gap with the same chance:

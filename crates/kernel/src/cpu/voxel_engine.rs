@@ -3,8 +3,11 @@
 use crate::block::Block;
 use crate::engine::{Engine, Lost};
 use crate::refusal::Refusal;
-use crate::voxels::flakes::Mirrors;
+use crate::voxels::diffuse_flakes::DiffuseFlakes;
 use crate::voxels::flat_scene::FlatScene;
+use crate::voxels::lone_flakes::LoneFlakes;
+use crate::voxels::mirrors::Mirrors;
+use crate::voxels::scattering::Scattering;
 use crate::voxels::virtual_fibres::VirtualFibres;
 use crate::voxels::walk::walk;
 use organza_film::Stats;
@@ -60,10 +63,11 @@ impl Job for Walk<'_, '_, '_> {
     type Output = Stats;
     #[inline(always)]
     fn run<F: Floats>(self) -> Stats {
-        if self.scene.medium.is_of_fibres {
-            walk::<F, VirtualFibres<F>>(self.scene, self.block)
-        } else {
-            walk::<F, Mirrors<F>>(self.scene, self.block)
+        match self.scene.medium.scattering {
+            Scattering::Mirrors => walk::<F, Mirrors<F>>(self.scene, self.block),
+            Scattering::Diffuse => walk::<F, DiffuseFlakes<F>>(self.scene, self.block),
+            Scattering::Flakes(_) => walk::<F, LoneFlakes<F>>(self.scene, self.block),
+            Scattering::Fibres => walk::<F, VirtualFibres<F>>(self.scene, self.block),
         }
     }
 }

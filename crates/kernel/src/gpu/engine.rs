@@ -56,7 +56,7 @@ impl GpuEngine {
             return Err(Refusal::NotYet("lights near voxels, other than rectangles"));
         }
         GpuEngine::new(
-            || Ok(voxel_scene::program_scene(scene)),
+            || voxel_scene::program_scene(scene),
             scene.memory_bytes(),
             division,
         )
@@ -82,7 +82,7 @@ impl GpuEngine {
     /// # Errors
     /// The scene is too large for such an adapter.
     pub fn source_for_voxels(scene: &Arc<FlatScene>) -> Result<String, Refusal> {
-        let scene = voxel_scene::program_scene(scene);
+        let scene = voxel_scene::program_scene(scene)?;
         let split = scene.tables.split(&COMMON_LIMITS)?;
         Ok(scene.source(&split, NumberBuffer::Uniform))
     }

@@ -6,10 +6,12 @@ use super::scene_words::{
     LIGHT_WORDS, SKY_WORDS, add_camera, filter_constants, panel_words, put, put_map,
 };
 use super::tables::Tables;
+use crate::refusal::Refusal;
 use crate::roulette::VOXEL_SCALE;
 use crate::voxels::environment::Sky;
 use crate::voxels::flat_scene::FlatScene;
 use crate::voxels::optical_depth_table::OpticalDepthTable;
+use crate::voxels::scattering::Scattering;
 use organza_scatter::FAR_ROWS;
 use std::sync::Arc;
 
@@ -19,7 +21,10 @@ const LANE_WORDS: u32 = 28;
 const LAMP_WORDS: usize = 4;
 
 /// The program of a scene.
-pub fn program_scene(scene: &Arc<FlatScene>) -> ProgramScene<'_> {
+///
+/// # Errors
+/// Matter that there is no program for.
+pub fn program_scene(scene: &Arc<FlatScene>) -> Result<ProgramScene<'_>, Refusal> {
     let (medium, grid) = (&scene.medium, &scene.medium.cell_grid);
     let mut constants = String::new();
     let mut has = |name: &str, value: bool| ProgramScene::constant(&mut constants, name, value);
@@ -96,18 +101,22 @@ pub fn program_scene(scene: &Arc<FlatScene>) -> ProgramScene<'_> {
         parts.push(include_str!("skies.wgsl"));
         parts.push(include_str!("voxel_lamps.wgsl"));
     }
-    if medium.is_of_fibres {
-        constants += &format!("const LAST_FAR_ROW: f32 = {}.0;\n", FAR_ROWS - 1);
-        numbers.whole("fibres_table", tables.add(&scene.fibres.words));
-        numbers.whole("spreads_table", tables.add(&scene.fibres.spreads));
-        numbers.whole("shown_table", tables.add(&scene.fibres.shown));
-        parts.push(include_str!("spread_fibres.wgsl"));
-        parts.push(include_str!("inclinations.wgsl"));
-        parts.push(include_str!("virtual_fibres.wgsl"));
-    } else {
-        parts.push(include_str!("flakes.wgsl"));
+    match medium.scattering {
+        Scattering::Mirrors => parts.push(include_str!("flakes.wgsl")),
+        Scattering::Diffuse | Scattering::Flakes(_) => {
+            return Err(Refusal::NotYet("this family of micro-flakes"));
+        }
+        Scattering::Fibres => {
+            constants += &format!("const LAST_FAR_ROW: f32 = {}.0;\n", FAR_ROWS - 1);
+            numbers.whole("fibres_table", tables.add(&scene.fibres.words));
+            numbers.whole("spreads_table", tables.add(&scene.fibres.spreads));
+            numbers.whole("shown_table", tables.add(&scene.fibres.shown));
+            parts.push(include_str!("spread_fibres.wgsl"));
+            parts.push(include_str!("inclinations.wgsl"));
+            parts.push(include_str!("virtual_fibres.wgsl"));
+        }
     }
-    ProgramScene {
+    Ok(ProgramScene {
         constants,
         parts,
         numbers,
@@ -115,7 +124,7 @@ pub fn program_scene(scene: &Arc<FlatScene>) -> ProgramScene<'_> {
         lane_words: LANE_WORDS,
         film_width: scene.film_width,
         brightness: scene.brightness,
-    }
+    })
 }
 
 fn light_words<'a>(light: &'a OpticalDepthTable, tables: &mut Tables<'a>) -> [u32; LIGHT_WORDS] {

@@ -28,9 +28,9 @@ pub struct Turn<F: Floats> {
 
 /// An event in every lane.
 pub trait Event<F: Floats>: Sized {
-    /// Square of the extinction over that across the fibres, times that of the
-    /// axis' length, from the squares of the axis' parts along and across the way.
-    fn area_squared(along: F, across: F, end_on: F) -> F;
+    /// Square of the extinction of a population over that across the fibres, times that of
+    /// the axis' length, from the squares of the axis' parts along and across the way.
+    fn area_squared(scene: &FlatScene, voxel: VoxelWords<F::Ints>, along: F, across: F) -> F;
 
     /// The event of the lanes of a mask.
     fn new(

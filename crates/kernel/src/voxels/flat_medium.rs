@@ -18,13 +18,15 @@
 
 use super::blocks::Blocks;
 use super::fibre_tables::{WIDE_RAD, area_squared, end_on_ratio};
+use super::flake_tables::FlakeTables;
 use super::population_tables::populations;
+use super::scattering::Scattering;
 use super::voxel_words::{VoxelWords, WORDS};
 use crate::matter::NO_YARN;
 use glam::Vec3;
 use organza_basis::CellGrid;
 use organza_film::{FirstEvent, SiteInfo};
-use organza_lanes::{Floats, Ints, one};
+use organza_lanes::{Floats, Ints, V3, one, vector_of};
 use std::sync::Arc;
 
 /// The index of no population.
@@ -46,8 +48,8 @@ pub struct FlatMedium {
     pub places: Vec<u32>,
     /// Which substance every population has; empty where there is one.
     pub materials: Vec<u32>,
-    /// Of flakes red, green, blue of the albedo as bits of `f32`, of fibres the
-    /// material; one word of four unused.
+    /// Of flakes red, green, blue of the albedo as bits of `f32` and the material, of fibres
+    /// the material and three words unused.
     pub substances: Vec<u32>,
     /// Of every population; empty where no yarns are known.
     pub yarns: Vec<u32>,
@@ -56,11 +58,45 @@ pub struct FlatMedium {
     pub densest: Vec<u32>,
     /// What shares are of, 1/mm: [`MOST`] of it is the majorant.
     pub scale_per_mm: f32,
-    /// Virtual fibres, not micro-flakes.
-    pub is_of_fibres: bool,
+    pub scattering: Scattering,
 }
 
 impl FlatMedium {
+    /// Its micro-flakes, when they are not of the SGGX distribution alone.
+    pub fn flakes(&self) -> Option<&FlakeTables> {
+        match &self.scattering {
+            Scattering::Flakes(flakes) => Some(flakes),
+            _ => None,
+        }
+    }
+
+    /// The substances of the populations at these places.
+    #[inline(always)]
+    pub fn substance_at<U: Ints>(&self, place: U) -> U {
+        if self.materials.is_empty() {
+            U::splat(0)
+        } else {
+            place.gather(&self.materials)
+        }
+    }
+
+    /// Albedos of the micro-flakes at these places.
+    #[inline(always)]
+    pub fn albedo_at<F: Floats>(&self, place: F::Ints) -> V3<F> {
+        if self.materials.is_empty() {
+            return V3::splat(self.only_albedo());
+        }
+        let first = place.gather(&self.materials).shl::<2>();
+        vector_of(&self.substances, first, 0)
+    }
+
+    /// Materials of the micro-flakes at these places.
+    #[inline(always)]
+    pub fn material_at<U: Ints>(&self, place: U) -> U {
+        let first = self.substance_at(place).shl::<2>();
+        (first + U::splat(3)).gather(&self.substances)
+    }
+
     /// The materials of its fibres, in the order of their numbers.
     pub fn fibres(&self) -> impl Iterator<Item = usize> {
         self.substances
@@ -133,7 +169,7 @@ impl FlatMedium {
     }
 
     /// The populations of a voxel, as stored.
-    pub fn populations_of(&self, voxel: usize) -> impl Iterator<Item = StoredPopulation> {
+    pub fn populations_of(&self, voxel: usize) -> impl Iterator<Item = StoredPopulation<'_>> {
         let (first, count) = self.place(voxel);
         let stored = (first..first + count).map(move |i| self.stored(i, count as f32));
         stored.filter(|p| p.broadside_per_mm > 0.0)
@@ -153,14 +189,15 @@ impl FlatMedium {
     }
 
     /// A population as stored; `shared_by` is the number in its voxel.
-    fn stored(&self, place: usize, shared_by: f32) -> StoredPopulation {
+    fn stored(&self, place: usize, shared_by: f32) -> StoredPopulation<'_> {
         let words = self.words_at(place);
         if self.words[WORDS * place] >> 16 == 0 {
             return StoredPopulation {
                 scaled_axis: Vec3::ZERO,
                 end_on: 1.0,
+                end_on_code: 0,
                 broadside_per_mm: 0.0,
-                is_of_fibres: self.is_of_fibres,
+                scattering: &self.scattering,
             };
         }
         let (axis, end_on) = (words.axis(), words.end_on().0);
@@ -168,8 +205,9 @@ impl FlatMedium {
         StoredPopulation {
             scaled_axis: length * Vec3::new(axis.x.0, axis.y.0, axis.z.0).normalize(),
             end_on,
+            end_on_code: words.end_on_code().0,
             broadside_per_mm: words.broadside().0 * self.scale_per_mm / shared_by,
-            is_of_fibres: self.is_of_fibres,
+            scattering: &self.scattering,
         }
     }
 
@@ -194,34 +232,46 @@ impl FlatMedium {
     pub fn memory_bytes(&self) -> u64 {
         let matter = self.words.len() + self.places.len() + self.materials.len();
         let noted = self.substances.len() + self.yarns.len() + self.densest.len();
-        4 * (matter + noted) as u64
+        let areas = self.flakes().map_or(0, FlakeTables::memory_bytes);
+        4 * (matter + noted) as u64 + areas
     }
 }
 
 /// A population as the lanes see it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StoredPopulation {
+#[derive(Clone, Copy)]
+pub struct StoredPopulation<'a> {
     /// The axis times `sqrt(1 - e^2)`.
     pub scaled_axis: Vec3,
-    /// The end-on ratio e.
+    /// The end-on ratio e, and its code.
     pub end_on: f32,
+    pub end_on_code: u32,
     /// Extinction across the axis, 1/mm.
     pub broadside_per_mm: f32,
-    /// Virtual fibres, not micro-flakes.
-    pub is_of_fibres: bool,
+    pub scattering: &'a Scattering,
 }
 
-impl StoredPopulation {
+impl StoredPopulation<'_> {
     /// Extinction toward `w`, 1/mm.
     pub fn extinction_per_mm(&self, w: Vec3) -> f32 {
         let across = self.scaled_axis.cross(w).length_squared();
         let e2 = self.end_on * self.end_on;
-        if self.is_of_fibres {
+        let apart = || {
             let across = across / (1.0 - e2).max(1e-6);
             let along = (1.0 - across).max(0.0);
-            let [along, across, end_on] = [along, across, self.end_on].map(one::F::splat);
-            return self.broadside_per_mm * area_squared(along, across, end_on).0.sqrt();
-        }
-        self.broadside_per_mm * (e2 + across).sqrt()
+            [along, across, self.end_on].map(one::F::splat)
+        };
+        let squared = match self.scattering {
+            Scattering::Mirrors | Scattering::Diffuse => e2 + across,
+            Scattering::Flakes(flakes) => {
+                let [along, across, end_on] = apart();
+                let code = <one::U as Ints>::splat(self.end_on_code);
+                flakes.area_squared(code, along, across, end_on).0
+            }
+            Scattering::Fibres => {
+                let [along, across, end_on] = apart();
+                area_squared(along, across, end_on).0
+            }
+        };
+        self.broadside_per_mm * squared.sqrt()
     }
 }

@@ -11,7 +11,7 @@ use super::light_groups::{DirectLight, LightGroups};
 use super::optical_depth_table::{
     self, Nodes, OpticalDepthTable, RESIDUAL_FLOOR_OF_GUESSES, extinctions,
 };
-use crate::matter::{Matter, Unsuited};
+use crate::matter::{Matter, Scatterers, Unsuited};
 use crate::refusal::Refusal;
 use glam::Vec3;
 use organza_film::{Brightness, Camera};
@@ -48,7 +48,7 @@ pub struct View<'a, M> {
 /// | `medium.words` | 2 x place | a population of fibres, and how far around it a bound on the extinction holds: see [`voxel_words`](super::voxel_words) |
 /// | `medium.places` | voxel | place of its first population (29 bits), number of populations less one (the upper 3 bits); empty where every voxel is its own place |
 /// | `medium.materials` | place | index into `medium.substances`; empty where there is one |
-/// | `medium.substances` | 4 x substance | red, green and blue albedo of micro-flakes as bits, or the number of a virtual fibre; the rest unused |
+/// | `medium.substances` | 4 x substance | red, green and blue albedo of micro-flakes as bits and their material, or the number of a virtual fibre; the rest unused |
 /// | `medium.yarns`, `medium.densest` | place | what films note of a first event |
 /// | `fibres.words` | see [`fibre_tables`](super::fibre_tables) | far fields of virtual fibres; empty of micro-flakes |
 /// | `fibres.spreads`, `fibres.shown` | code of the end-on ratio | how tangents spread, and what they show |
@@ -133,13 +133,10 @@ impl FlatScene {
         if bytes > max_bytes {
             return Err(Refusal::Memory(bytes, max_bytes));
         }
-        let mut medium = FlatMedium::new(view.matter)?;
-        let fibres = match view.matter.fibres() {
-            None => FibreTables::none(),
-            Some(all) => {
-                medium.is_of_fibres = true;
-                even_fibres::tables(&medium, all)?
-            }
+        let medium = FlatMedium::new(view.matter)?;
+        let fibres = match view.matter.scatterers() {
+            Scatterers::Flakes(_) => FibreTables::none(),
+            Scatterers::Fibres(all) => even_fibres::tables(&medium, all)?,
         };
         let extinctions: Vec<Vec<f32>> = groups
             .direct

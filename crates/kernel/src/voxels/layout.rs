@@ -3,6 +3,7 @@
 use super::blocks::{Blocks, grid_of};
 use super::flat_medium::{FlatMedium, PLACE_BITS};
 use super::reach::{Surroundings, surroundings, surroundings_in_blocks};
+use super::scattering::Scattering;
 use super::voxel_words::{MOST, WORDS, pack, with_surroundings};
 use crate::matter::{MAX_DIM, Matter, NO_YARN, Population, Substance, Unsuited};
 use glam::{UVec3, Vec3};
@@ -15,10 +16,24 @@ use std::collections::HashMap;
 const BOUND_SLACK: f32 = 1.0 + 2e-4;
 
 impl Substance {
-    fn words(self) -> [u32; 3] {
+    /// Flakes that lanes take side by side have no more than an albedo.
+    fn words(self, scattering: &Scattering) -> [u32; 4] {
         match self {
-            Substance::Flakes(albedo) => albedo.0.to_array().map(f32::to_bits),
-            Substance::Fibres(material) => [u32::from(material), 0, 0],
+            Substance::Flakes(albedo, material) => {
+                let [r, g, b] = albedo.0.to_array().map(f32::to_bits);
+                let needs_material = matches!(scattering, Scattering::Flakes(_));
+                [
+                    r,
+                    g,
+                    b,
+                    if needs_material {
+                        u32::from(material)
+                    } else {
+                        0
+                    },
+                ]
+            }
+            Substance::Fibres(material) => [u32::from(material), 0, 0, 0],
         }
     }
 }
@@ -76,7 +91,7 @@ impl FlatMedium {
                 yarns: Vec::new(),
                 densest: Vec::new(),
                 scale_per_mm,
-                is_of_fibres: false,
+                scattering: Scattering::of(matter.scatterers()),
             },
             substance_numbers: HashMap::new(),
             knows_yarns: slices.iter().any(|s| s.knows_yarns),
@@ -109,7 +124,7 @@ fn shown(blocks: &Blocks, block: UVec3, stacked: UVec3) -> UVec3 {
 /// A medium on its way to be laid out.
 struct Filler {
     flat: FlatMedium,
-    substance_numbers: HashMap<[u32; 3], u32>,
+    substance_numbers: HashMap<[u32; 4], u32>,
     knows_yarns: bool,
 }
 
@@ -173,7 +188,8 @@ impl Filler {
         for p in own {
             let axis = p.flake.scaled_axis().normalize_or(Vec3::Z);
             let words = pack(p.broadside_per_mm * share, axis, p.flake.end_on());
-            let substance = self.substance_number(p.substance.words())?;
+            let key = p.substance.words(&self.flat.scattering);
+            let substance = self.substance_number(key)?;
             self.add_words(words, around, substance, p.yarn);
         }
         Ok(())
@@ -200,7 +216,7 @@ impl Filler {
             .resize(self.flat.words.len() / WORDS, densest);
     }
 
-    fn substance_number(&mut self, key: [u32; 3]) -> Result<u32, Unsuited> {
+    fn substance_number(&mut self, key: [u32; 4]) -> Result<u32, Unsuited> {
         if self.flat.substances.first_chunk() == Some(&key) {
             return Ok(0);
         }
@@ -213,7 +229,6 @@ impl Filler {
         }
         self.substance_numbers.insert(key, number);
         self.flat.substances.extend(key);
-        self.flat.substances.push(0);
         Ok(number)
     }
 }

@@ -4,11 +4,11 @@
 use super::flat_medium::FlatMedium;
 use super::optical_depth_table::{self, Nodes, OpticalDepthTable, extinctions};
 use super::{shadow_ray, voxel_words};
-use crate::matter::{Matter, NO_YARN, Population, Substance, Unsuited};
+use crate::matter::{Matter, NO_YARN, Population, Scatterers, Substance, Unsuited};
 use glam::{IVec3, UVec3, Vec3};
 use organza_basis::{Aabb, CellGrid, PathRng, Rgb, warp};
 use organza_lanes::{Ints, one};
-use organza_scatter::{AxialFlake, Fibre, MicroFlake};
+use organza_scatter::{AxialFlake, FlakeFamily, MicroFlake};
 
 /// Populations of every voxel.
 pub struct Described {
@@ -21,8 +21,8 @@ impl Matter for Described {
         &self.cell_grid
     }
 
-    fn fibres(&self) -> Option<&[Fibre]> {
-        None
+    fn scatterers(&self) -> Scatterers<'_> {
+        Scatterers::Flakes(FlakeFamily::SGGX_SPECULAR.scattering(&[]))
     }
 
     fn populations(&self, cell: UVec3, out: &mut Vec<Population>) -> Result<(), Unsuited> {
@@ -58,7 +58,7 @@ fn population(axis: Vec3, broadside_per_mm: f32, albedo: [f32; 3], yarn: u32) ->
     Population {
         broadside_per_mm,
         flake: AxialFlake::new(axis.normalize(), 0.06),
-        substance: Substance::Flakes(Rgb::from(albedo)),
+        substance: Substance::Flakes(Rgb::from(albedo), 0),
         yarn,
     }
 }

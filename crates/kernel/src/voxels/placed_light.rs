@@ -5,7 +5,7 @@
 //! a guess, which the exact rays set right.
 
 use super::panel::Panel;
-use super::walk::{stored, vector};
+use super::walk::{loaded, stored};
 use crate::refusal::Refusal;
 use glam::{DVec3, Vec3};
 use organza_basis::{CellGrid, PathRng, Ray};
@@ -135,9 +135,9 @@ impl PlacedLight {
             distance_mm[lane] = reach as f32;
         }
         Toward {
-            toward: vector(&toward),
+            toward: loaded(&toward),
             distance_mm: F::load(&distance_mm),
-            irradiance: vector(&irradiance),
+            irradiance: loaded(&irradiance),
         }
     }
 

@@ -12,7 +12,8 @@ use std::sync::LazyLock;
 const CODES: u32 = 1 << 12;
 /// Codes that share a row of [`PopulationTables::shown`], as a power of two.
 pub const CODES_PER_ROW_LOG2: u32 = 6;
-const ROWS: u32 = CODES >> CODES_PER_ROW_LOG2;
+/// Those rows.
+pub const ROWS: u32 = CODES >> CODES_PER_ROW_LOG2;
 /// Nodes of a row, over the part of the ellipsoid's square that is across the axis,
 /// from 0 to 1.
 pub const SHOWN_NODES: u32 = 65;

@@ -110,7 +110,13 @@ impl<F: Floats> SpreadFibres<F> {
 /// The fitted area that a population shows over the exact one: rows by the code of its
 /// end-on ratio, linear in the part of the ellipsoid's square that is across the axis.
 #[inline(always)]
-fn shown_correction<F: Floats>(table: &[u32], code: F::Ints, along: F, across: F, end_on: F) -> F {
+pub fn shown_correction<F: Floats>(
+    table: &[u32],
+    code: F::Ints,
+    along: F,
+    across: F,
+    end_on: F,
+) -> F {
     let word = F::Ints::splat;
     let ellipsoid = (end_on * end_on).mul_add(along, across);
     let part = across / ellipsoid.max(F::splat(f32::MIN_POSITIVE));

@@ -9,6 +9,7 @@ use super::event::{Event, Meeting, Turn};
 use super::fibre_tables::{CHANCES, FibreTables, HEAD, ROW_HEAD, area_squared, colour, scale_of};
 use super::flat_scene::FlatScene;
 use super::seen_tangent::{SeenTangent, SpreadFibres};
+use super::voxel_words::VoxelWords;
 use glam::Vec3;
 use organza_lanes::math::{LaneRng, V3, exp2, minus_ln, positive, sin_cos_of_turns, turns_of};
 use organza_lanes::{Floats, Ints, Mask};
@@ -36,8 +37,8 @@ pub struct VirtualFibres<F: Floats> {
 
 impl<F: Floats> Event<F> for VirtualFibres<F> {
     #[inline(always)]
-    fn area_squared(along: F, across: F, end_on: F) -> F {
-        area_squared(along, across, end_on)
+    fn area_squared(_: &FlatScene, voxel: VoxelWords<F::Ints>, along: F, across: F) -> F {
+        area_squared(along, across, voxel.end_on())
     }
 
     #[inline(always)]
@@ -47,11 +48,7 @@ impl<F: Floats> Event<F> for VirtualFibres<F> {
         rng: &mut LaneRng<F::Ints>,
         mask: <F::Ints as Ints>::Mask,
     ) -> Self {
-        let number = if scene.medium.materials.is_empty() {
-            F::Ints::splat(0)
-        } else {
-            met.place.gather(&scene.medium.materials)
-        };
+        let number = scene.medium.substance_at(met.place);
         Self::meet(&scene.fibres, number, met, rng, mask)
     }
 

@@ -70,6 +70,12 @@ pub fn pack(broadside: f32, axis: Vec3, end_on: f32) -> [u32; WORDS] {
     ]
 }
 
+/// The end-on ratio of a code, as [`VoxelWords::end_on`] gives it.
+pub fn end_on_of(code: u32) -> f32 {
+    let root = code as f32 / END_ON_ONE;
+    root * root
+}
+
 /// Adds what a voxel knows of its surroundings.
 pub fn with_surroundings(words: [u32; WORDS], bound_code: u32, reach_code: u32) -> [u32; WORDS] {
     [words[0] | reach_code, words[1] | bound_code << 24]

@@ -198,10 +198,10 @@ fn fly<F: Floats, E: Event<F>>(scene: &FlatScene, paths: &mut Paths<F>, stats: &
     let voxel = VoxelWords(words);
 
     // Squares of extinctions, times that of the axis' length.
-    let (axis, end_on) = (voxel.axis(), voxel.end_on());
+    let axis = voxel.axis();
     let across = axis.cross(paths.direction);
     let (square, across) = (axis.dot(axis), across.dot(across));
-    let area = E::area_squared(square - across, across, end_on);
+    let area = E::area_squared(scene, voxel, square - across, across);
     let broadside = voxel.broadside();
     let extinction = broadside * broadside * area;
     let bound = majorant * majorant * square;
@@ -288,7 +288,7 @@ pub fn add_lights_in_sight<F: Floats>(
             channel[lane] += seen;
         }
     }
-    paths.radiance = vector(&radiance);
+    paths.radiance = loaded(&radiance);
 }
 
 /// The events of the lanes that met something: light, a new direction,
@@ -401,9 +401,9 @@ pub fn stored<F: Floats>(v: V3<F>) -> [[f32; MAX_LANES]; 3] {
     out
 }
 
-/// The vectors of such components.
+/// Lanes of components.
 #[inline(always)]
-pub fn vector<F: Floats>([x, y, z]: &[[f32; MAX_LANES]; 3]) -> V3<F> {
+pub fn loaded<F: Floats>([x, y, z]: &[[f32; MAX_LANES]; 3]) -> V3<F> {
     V3 {
         x: F::load(x),
         y: F::load(y),

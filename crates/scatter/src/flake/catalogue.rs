@@ -4,12 +4,13 @@
 //! of this file.
 
 use super::{
-    FlakeScattering, gaussian, gaussian_diffuse, sggx_diffuse, sggx_specular, sggx_transmitting,
-    sine_power,
+    FlakeMixtures, FlakeScattering, gaussian, gaussian_diffuse, sggx_diffuse, sggx_specular,
+    sggx_transmitting, sine_power,
 };
 use crate::FlakeOptics;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
+use std::sync::Arc;
 
 /// The description of a family of micro-flakes.
 pub(super) struct FlakeRecord {
@@ -17,8 +18,9 @@ pub(super) struct FlakeRecord {
     pub name: &'static str,
     /// What it is, in one line.
     pub about: &'static str,
-    /// How the populations of a cloth scatter, given the optics of each material.
-    pub of_materials: fn(Vec<FlakeOptics>) -> Box<dyn FlakeScattering>,
+    /// How populations scatter, given the optics of each material: all that the general walk
+    /// and the kernel need.
+    pub scattering: fn(&[FlakeOptics]) -> Arc<dyn FlakeScattering>,
 }
 
 /// A family of micro-flakes; mirrors of the SGGX distribution by default.
@@ -26,8 +28,7 @@ pub(super) struct FlakeRecord {
 pub struct FlakeFamily(&'static FlakeRecord);
 
 impl FlakeFamily {
-    /// Mirrors of the SGGX distribution, the one family whose mixtures other
-    /// renderers and the kernel take.
+    /// Mirrors of the SGGX distribution, the one family whose mixtures other renderers take.
     pub const SGGX_SPECULAR: FlakeFamily = FlakeFamily(&sggx_specular::FAMILY);
 
     /// Pieces of the surface of clear fibres, which need the fibres of the materials:
@@ -54,9 +55,15 @@ impl FlakeFamily {
         self.0.about
     }
 
-    /// How the populations of a cloth scatter, given the optics of each material.
-    pub fn of_materials(self, optics: Vec<FlakeOptics>) -> Box<dyn FlakeScattering> {
-        (self.0.of_materials)(optics)
+    /// How populations scatter, given the optics of each material.
+    pub fn scattering(self, optics: &[FlakeOptics]) -> Arc<dyn FlakeScattering> {
+        (self.0.scattering)(optics)
+    }
+
+    /// The same of the mixtures of a cloth.
+    pub fn of_materials(self, optics: Vec<FlakeOptics>) -> FlakeMixtures {
+        let scattering = self.scattering(&optics);
+        FlakeMixtures::new(optics, scattering)
     }
 }
 
@@ -134,7 +141,7 @@ mod tests {
         mixture
     }
 
-    fn scattering(family: FlakeFamily) -> Box<dyn FlakeScattering> {
+    fn mixtures(family: FlakeFamily) -> FlakeMixtures {
         let optics = |albedo| FlakeOptics {
             albedo: Rgb::splat(albedo),
             end_on_ratio: 0.2,
@@ -148,7 +155,7 @@ mod tests {
     fn every_family_keeps_energy_and_is_reciprocal() {
         let mixture = mixture();
         for family in FlakeFamily::all() {
-            let flakes = scattering(family);
+            let flakes = mixtures(family);
             let mut rng = PathRng::from_seed(21);
             let (a, b) = (Vec3::new(0.48, 0.6, 0.64), Vec3::new(-0.8, 0.36, 0.48));
             let (mut phase, mut weight) = (Moments::default(), Moments::default());
@@ -217,9 +224,8 @@ mod tests {
 
     #[test]
     fn a_flake_that_was_drawn_is_a_lobe() {
-        let flakes = scattering(FlakeFamily::named("sggx-diffuse").unwrap());
+        let flakes = mixtures(FlakeFamily::named("sggx-diffuse").unwrap());
         let mut rng = PathRng::from_seed(22);
-        assert!(flakes.draws_flakes());
         let flake = flakes.draw_flake(&mixture(), Vec3::Z, &mut rng).unwrap();
         assert!(flake.normal.z > 0.0 && flake.pdf(Vec3::Z, flake.normal) > 0.3);
     }

@@ -2,16 +2,16 @@
 
 use super::band::{BandProfile, MIN_GAMMA, band_area, truncated_normal};
 use super::catalogue::FlakeRecord;
-use super::populations::Bands;
+use super::distribution::{Bands, Mirrors};
 use crate::cone_table::ConeTable;
 use organza_basis::PathRng;
 use std::f64::consts::FRAC_2_PI as FRAC_2_PI_64;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 pub(super) const FAMILY: FlakeRecord = FlakeRecord {
     name: "gaussian",
     about: "mirrors with a truncated Gaussian about the fibre's cross-section",
-    of_materials: |optics| Box::new(Bands::<GaussianBand>::new(&optics)),
+    scattering: |_| Arc::new(Mirrors(Bands::<GaussianBand>::new())),
 };
 
 /// `D = exp(-x^2 / (2 gamma^2))`, normalised: gamma is the deviation of x, small

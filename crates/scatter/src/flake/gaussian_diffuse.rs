@@ -5,11 +5,12 @@
 //! dyed-through fibres.
 
 use super::catalogue::FlakeRecord;
+use super::distribution::{Bands, Diffuse};
 use super::gaussian::GaussianBand;
-use super::populations::{Bands, Diffuse};
+use std::sync::Arc;
 
 pub(super) const FAMILY: FlakeRecord = FlakeRecord {
     name: "gaussian-diffuse",
     about: "diffuse flakes with a truncated Gaussian about the fibre's cross-section",
-    of_materials: |optics| Box::new(Diffuse(Bands::<GaussianBand>::new(&optics))),
+    scattering: |_| Arc::new(Diffuse(Bands::<GaussianBand>::new())),
 };

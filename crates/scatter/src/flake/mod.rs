@@ -4,9 +4,10 @@
 
 pub mod band;
 pub mod catalogue;
+mod distribution;
 mod gaussian;
 mod gaussian_diffuse;
-mod populations;
+mod mixtures;
 mod scattering;
 mod sggx_diffuse;
 mod sggx_specular;
@@ -14,14 +15,15 @@ mod sggx_transmitting;
 mod sine_power;
 
 pub use gaussian::GaussianBand;
-pub use populations::PopulationFlakes;
-pub use scattering::FlakeScattering;
+pub use mixtures::FlakeMixtures;
+pub use scattering::{FlakePopulation, FlakeScattering, LaneEvent};
 pub use sggx_transmitting::{ClearFibre, TransmittingFlakes};
 pub use sine_power::{SineBand, sine_power_from_gamma};
 
 use crate::lobe::{Lobe, LobeSample};
 use glam::Vec3;
 use organza_basis::{Frame, PathRng, Rgb, warp};
+use organza_lanes::{Floats, V3};
 use std::f32::consts::FRAC_1_PI;
 
 /// Below this squared length of `w_out + w_in` the half vector is rounding
@@ -86,12 +88,18 @@ pub trait MicroFlake {
     /// [`MicroFlake::eval`].
     fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Vec3 {
         let m = self.visible_direction_sample(w_out, rng);
-        let across = w_out.dot(m) / m.length_squared().max(f32::MIN_POSITIVE);
-        let w_in = 2.0 * across * m - w_out;
-        // One step toward unit length: rounding would otherwise grow along a path
-        // of many events.
-        w_in * (1.5 - 0.5 * w_in.length_squared())
+        mirrored(V3::splat(w_out), V3::splat(m)).into()
     }
+}
+
+/// Where a mirror with a normal of any positive length sends `w_out`.
+#[inline(always)]
+pub(crate) fn mirrored<F: Floats>(w_out: V3<F>, m: V3<F>) -> V3<F> {
+    let across = w_out.dot(m) / m.dot(m).max(F::splat(f32::MIN_POSITIVE));
+    let w_in = m.scaled(across + across) - w_out;
+    // One step toward unit length: rounding would otherwise grow along a path of many
+    // events.
+    w_in.scaled(w_in.dot(w_in).mul_add(F::splat(-0.5), F::splat(1.5)))
 }
 
 /// Mirror flakes with an albedo: the phase function as a [`Lobe`].

@@ -2,11 +2,11 @@
 //! of an ellipsoid \[Heitz2015].
 
 use super::catalogue::FlakeRecord;
-use super::populations::Diffuse;
-use crate::FlakeMaterials;
+use super::distribution::{Diffuse, Ellipsoids};
+use std::sync::Arc;
 
 pub(super) const FAMILY: FlakeRecord = FlakeRecord {
     name: "sggx-diffuse",
     about: "diffuse flakes distributed as the normals of an ellipsoid",
-    of_materials: |optics| Box::new(Diffuse(FlakeMaterials::new(optics))),
+    scattering: |_| Arc::new(Diffuse(Ellipsoids)),
 };

@@ -2,10 +2,11 @@
 //! ellipsoid \[Heitz2015].
 
 use super::catalogue::FlakeRecord;
-use crate::FlakeMaterials;
+use super::distribution::{Ellipsoids, Mirrors};
+use std::sync::Arc;
 
 pub(super) const FAMILY: FlakeRecord = FlakeRecord {
     name: "sggx-specular",
     about: "mirrors distributed as the normals of an ellipsoid",
-    of_materials: |optics| Box::new(FlakeMaterials::new(optics)),
+    scattering: |_| Arc::new(Mirrors(Ellipsoids)),
 };

@@ -18,24 +18,21 @@
 //! `projected_area(a) eval(a, b)` stays symmetric.
 
 use super::catalogue::FlakeRecord;
-use super::populations::PopulationFlakes;
-use super::{DiffuseFlake, FlakeScattering, MicroFlake};
+use super::distribution::{Distribution, Ellipsoids};
+use super::{FlakePopulation, FlakeScattering, MicroFlake};
 use crate::cylinder::{attenuations, offsets};
 use crate::longitudinal::Inclinations;
 use crate::near::crossing::{Crossing, MIN_COS, incidence};
-use crate::{AxialFlake, FibreAngles, FibreFrame, FlakeMaterials, FlakeOptics, LobeSample};
+use crate::{AxialFlake, FibreAngles, FibreFrame, FlakeOptics};
 use glam::Vec3;
-use organza_basis::{FibrePopulation, Mixture, PathRng, Rgb};
+use organza_basis::{PathRng, Rgb};
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 pub(super) const FAMILY: FlakeRecord = FlakeRecord {
     name: "sggx-transmitting",
     about: "pieces of the surface of clear fibres, distributed as the normals of an ellipsoid",
-    of_materials: |optics| {
-        let fibres = optics.iter().map(|o| ClearFibre::of_albedo(o.albedo));
-        let fibres = fibres.collect();
-        Box::new(TransmittingFlakes::new(optics, fibres))
-    },
+    scattering: |optics| Arc::new(TransmittingFlakes::new(optics, Vec::new())),
 };
 
 /// Mean index of cotton, flax, silk and wool, which lie within 0.02 of it
@@ -136,35 +133,32 @@ impl ClearFibre {
     }
 }
 
-/// The populations of a cloth as flakes that reflect and transmit.
+/// Flakes that reflect and transmit, of the fibres of a cloth.
 pub struct TransmittingFlakes {
-    materials: FlakeMaterials,
-    fibres: Vec<ClearFibre>,
-    /// [`ClearFibre::return_turn`] of each.
-    return_turns: Vec<f32>,
+    /// Of each material, with its [`ClearFibre::return_turn`].
+    fibres: Vec<(ClearFibre, f32)>,
 }
 
 impl TransmittingFlakes {
-    /// From the optics of each material, of which the width is used, and its fibre. A
-    /// material without a fibre gets one of its albedo.
-    pub fn new(optics: Vec<FlakeOptics>, mut fibres: Vec<ClearFibre>) -> TransmittingFlakes {
+    /// Of the fibre of each material; one without gets a fibre of its albedo.
+    pub fn new(optics: &[FlakeOptics], mut fibres: Vec<ClearFibre>) -> TransmittingFlakes {
         let missing = optics.iter().skip(fibres.len());
         fibres.extend(missing.map(|o| ClearFibre::of_albedo(o.albedo)));
+        let turned = |fibre: ClearFibre| (fibre, fibre.return_turn());
         TransmittingFlakes {
-            materials: FlakeMaterials::new(optics),
-            return_turns: fibres.iter().map(ClearFibre::return_turn).collect(),
-            fibres,
+            fibres: fibres.into_iter().map(turned).collect(),
         }
     }
+}
 
-    fn fibre(&self, c: &FibrePopulation) -> (&ClearFibre, f32) {
-        let material = usize::from(c.material);
-        (&self.fibres[material], self.return_turns[material])
+impl FlakeScattering for TransmittingFlakes {
+    fn area(&self, c: &FlakePopulation, w: Vec3) -> f32 {
+        Ellipsoids.area(c.axis, c.end_on, w)
     }
 
-    /// Albedo times phase, and phase, of one population.
-    fn toward(&self, c: &FibrePopulation, w_out: Vec3, w_in: Vec3) -> (Rgb, f32) {
-        let (flakes, (fibre, return_turn)) = (self.materials.flake(c), self.fibre(c));
+    fn eval(&self, c: &FlakePopulation, w_out: Vec3, w_in: Vec3) -> (Rgb, f32) {
+        let flakes = AxialFlake::new(c.axis, c.end_on);
+        let (fibre, return_turn) = self.fibres[usize::from(c.material)];
         let frame = FibreFrame::new(c.axis, w_out);
         let a = frame.angles(w_in);
         let mean_cos = mean_cos(&frame, &a);
@@ -199,11 +193,9 @@ impl TransmittingFlakes {
         (value, pdf)
     }
 
-    /// Draws where a population sends `w_out`.
-    fn direction(&self, c: &FibrePopulation, w_out: Vec3, rng: &mut PathRng) -> Vec3 {
-        let flakes: AxialFlake = self.materials.flake(c);
-        let (fibre, return_turn) = self.fibre(c);
-        let mirrored = flakes.sample(w_out, rng);
+    fn sample(&self, c: &FlakePopulation, w_out: Vec3, rng: &mut PathRng) -> Option<Vec3> {
+        let (fibre, return_turn) = self.fibres[usize::from(c.material)];
+        let mirrored = AxialFlake::new(c.axis, c.end_on).sample(w_out, rng);
         let frame = FibreFrame::new(c.axis, w_out);
         let a = frame.angles(mirrored);
         let gamma_rad = 0.5 * (PI - a.azimuth_rad.abs());
@@ -215,64 +207,19 @@ impl TransmittingFlakes {
         } else if chosen < through + returned {
             PI - return_turn * gamma_rad
         } else {
-            return mirrored;
+            return Some(mirrored);
         };
         let turned = FibreAngles {
             azimuth_rad: turn_rad.copysign(a.azimuth_rad),
             ..a
         };
-        frame.direction(&turned).normalize_or(mirrored)
+        Some(frame.direction(&turned).normalize_or(mirrored))
     }
 }
 
 /// Cosine of the mean inclination of the two directions: symmetric in them.
 fn mean_cos(frame: &FibreFrame, a: &FibreAngles) -> f32 {
     Inclinations::new([a.sin, a.cos], [frame.sin_out, frame.cos_out]).mean_cos
-}
-
-impl FlakeScattering for TransmittingFlakes {
-    fn sigma_t_per_mm(&self, mixture: &Mixture, w: Vec3) -> f32 {
-        self.materials.total(mixture, w)
-    }
-
-    fn eval(
-        &self,
-        mixture: &Mixture,
-        _: Option<&DiffuseFlake>,
-        w_out: Vec3,
-        w_in: Vec3,
-    ) -> (Rgb, f32) {
-        let (mut value, mut pdf, mut total) = (Rgb::BLACK, 0.0, 0.0);
-        for c in mixture.as_slice() {
-            let sigma = self.materials.extinction(c, w_out);
-            let own = self.toward(c, w_out, w_in);
-            value += own.0 * sigma;
-            pdf += sigma * own.1;
-            total += sigma;
-        }
-        if total > 0.0 {
-            (value / total, pdf / total)
-        } else {
-            (Rgb::BLACK, 0.0)
-        }
-    }
-
-    fn sample(
-        &self,
-        mixture: &Mixture,
-        _: Option<&DiffuseFlake>,
-        w_out: Vec3,
-        rng: &mut PathRng,
-    ) -> Option<LobeSample> {
-        let met = self.materials.meet(mixture, w_out, rng)?;
-        let w_in = self.direction(met, w_out, rng);
-        let (value, pdf) = self.eval(mixture, None, w_out, w_in);
-        (pdf > 0.0).then(|| LobeSample {
-            w_in,
-            weight: value / pdf,
-            pdf,
-        })
-    }
 }
 
 #[cfg(test)]

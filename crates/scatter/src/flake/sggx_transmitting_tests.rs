@@ -2,8 +2,9 @@ use super::*;
 use crate::cylinder::mean_attenuations;
 use crate::near::LOBES;
 use crate::proofs::{draws, fails};
+use crate::{FlakeFamily, FlakeMixtures};
 use organza_basis::hypothesis::{SphereGrid, t_test, welch_test};
-use organza_basis::{Moments, warp};
+use organza_basis::{FibrePopulation, Mixture, Moments, warp};
 
 fn mixture(axis: Vec3, spread_rad: f32) -> Mixture {
     let mut mixture = Mixture::EMPTY;
@@ -17,12 +18,13 @@ fn mixture(axis: Vec3, spread_rad: f32) -> Mixture {
     mixture
 }
 
-fn flakes(fibre: ClearFibre, end_on_ratio: f32) -> TransmittingFlakes {
+fn flakes(fibre: ClearFibre, end_on_ratio: f32) -> FlakeMixtures {
     let optics = FlakeOptics {
         albedo: Rgb::WHITE,
         end_on_ratio,
     };
-    TransmittingFlakes::new(vec![optics], vec![fibre])
+    let scattering = TransmittingFlakes::new(&[optics], vec![fibre]);
+    FlakeMixtures::new(vec![optics], Arc::new(scattering))
 }
 
 fn dyed() -> ClearFibre {
@@ -88,7 +90,11 @@ fn directions_are_drawn_as_the_density_says() {
             let density = |w| f64::from(flakes.eval(&mixture, None, w_out, w).1);
             let v = grid.chi_square(draws(40_000), &mut drawn, density);
             assert!(!fails(v, 4), "seed 141, {end_on} {w_out}: {v:?}");
-            let mirrors = |w| f64::from(flakes.materials.mix(&mixture, w_out, w).1);
+            let mirrors = FlakeFamily::SGGX_SPECULAR.of_materials(vec![FlakeOptics {
+                albedo: Rgb::WHITE,
+                end_on_ratio: end_on,
+            }]);
+            let mirrors = |w| f64::from(mirrors.eval(&mixture, None, w_out, w).1);
             let twin = grid.chi_square(draws(40_000), &mut drawn, mirrors);
             assert!(twin.p_value < 1e-6, "seed 141, {end_on} {w_out}: {twin:?}");
         }

@@ -3,17 +3,17 @@
 
 use super::band::{BandProfile, MIN_GAMMA, band_area, truncated_normal};
 use super::catalogue::FlakeRecord;
-use super::populations::Bands;
+use super::distribution::{Bands, Mirrors};
 use crate::cone_table::ConeTable;
 use organza_basis::PathRng;
 use std::f32::consts::PI;
 use std::f64::consts::FRAC_2_PI as FRAC_2_PI_64;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 pub(super) const FAMILY: FlakeRecord = FlakeRecord {
     name: "sin-power",
     about: "mirrors with a power of the sine of the angle to the fibre",
-    of_materials: |optics| Box::new(Bands::<SineBand>::new(&optics)),
+    scattering: |_| Arc::new(Mirrors(Bands::<SineBand>::new())),
 };
 
 /// `D = sin^p(angle to the fibre)`, normalised: p is zero for isotropic flakes

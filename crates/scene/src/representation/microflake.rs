@@ -42,10 +42,11 @@ pub static MICROFLAKE: Representation = Representation {
 fn medium(source: &VoxelSource<'_>) -> Result<Option<AnyMedium>> {
     let (octree, optics) = (Arc::clone(&source.octree), source.fabric.flake_optics());
     let family = source.settings.flake;
-    if family == FlakeFamily::SGGX_TRANSMITTING {
+    let medium = if family == FlakeFamily::SGGX_TRANSMITTING {
         let fibres = source.fabric.clear_fibres(source.path)?;
-        let medium = FlakeOctreeMedium::of_clear_fibres(octree, source.level, optics, fibres);
-        return Ok(medium.map(AnyMedium::FlakeOctree));
-    }
-    Ok(AnyMedium::of_flakes(octree, source.level, optics, family))
+        FlakeOctreeMedium::of_clear_fibres(octree, source.level, optics, fibres)
+    } else {
+        FlakeOctreeMedium::new(octree, source.level, optics, family)
+    };
+    Ok(medium.map(AnyMedium::FlakeOctree))
 }

@@ -137,7 +137,7 @@ fn transmittance(scene: &Scene, rays: u64) -> [Estimate; 2] {
         let origin = EYE_MM + WIDTH_MM * (at.x * right + at.y * up);
         let ray = Ray::new(origin.as_vec3(), forward.as_vec3());
         let depth = match &scene.media[0] {
-            AnyMedium::SggxOctree(medium) => optical_depth(medium, &ray),
+            AnyMedium::FlakeOctree(medium) => optical_depth(medium, &ray),
             AnyMedium::VirtualFibres(medium) => optical_depth(medium, &ray),
             _ => panic!("voxels of micro-flakes or of fibres"),
         };

@@ -5,22 +5,17 @@ use crate::matter::ray_target::{RayTarget, SceneMedium};
 use crate::matter::site::MediumSite;
 use crate::{
     ExplicitFibres, FlakeOctreeMedium, GridMedium, HybridFibres, LevelledCloth, Plane, Plies,
-    SggxOctreeMedium, VirtualFibreMedium,
+    VirtualFibreMedium,
 };
 use glam::Vec2;
 use organza_basis::CellGrid;
-use organza_scatter::{FlakeFamily, FlakeOptics};
-use organza_volume::Octree;
-use std::sync::Arc;
 
 /// The closed set of matter. Exports and the choice of the engine match on it; the walk
 /// takes each kind as a [`RayTarget`], resolved once per ray.
 pub enum AnyMedium {
     /// Dense grids.
     Grid(GridMedium),
-    /// An octree of fibres, seen as specular SGGX micro-flakes.
-    SggxOctree(SggxOctreeMedium),
-    /// An octree of fibres, seen as micro-flakes of any other family.
+    /// An octree of fibres, seen as micro-flakes of any family.
     FlakeOctree(FlakeOctreeMedium),
     /// An octree of fibres that scatter as virtual fibres.
     VirtualFibres(VirtualFibreMedium),
@@ -37,25 +32,10 @@ pub enum AnyMedium {
 }
 
 impl AnyMedium {
-    /// A level of an octree as micro-flakes of a family; `None` when the level does
-    /// not exist or a material has no optics.
-    pub fn of_flakes(
-        octree: impl Into<Arc<Octree>>,
-        level: u8,
-        optics: Vec<FlakeOptics>,
-        family: FlakeFamily,
-    ) -> Option<AnyMedium> {
-        if family == FlakeFamily::SGGX_SPECULAR {
-            return SggxOctreeMedium::new(octree, level, optics).map(AnyMedium::SggxOctree);
-        }
-        FlakeOctreeMedium::new(octree, level, optics, family).map(AnyMedium::FlakeOctree)
-    }
-
     /// What a ray meets.
     pub(crate) fn target(&self) -> &dyn RayTarget {
         match self {
             AnyMedium::Grid(m) => m,
-            AnyMedium::SggxOctree(m) => m,
             AnyMedium::FlakeOctree(m) => m,
             AnyMedium::VirtualFibres(m) => m,
             AnyMedium::ExplicitFibres(m) => m,
@@ -69,7 +49,6 @@ impl AnyMedium {
     fn target_mut(&mut self) -> &mut dyn RayTarget {
         match self {
             AnyMedium::Grid(m) => m,
-            AnyMedium::SggxOctree(m) => m,
             AnyMedium::FlakeOctree(m) => m,
             AnyMedium::VirtualFibres(m) => m,
             AnyMedium::ExplicitFibres(m) => m,
@@ -113,6 +92,5 @@ macro_rules! scene_medium {
 }
 
 scene_medium!(GridMedium, Grid);
-scene_medium!(SggxOctreeMedium, SggxOctree);
 scene_medium!(FlakeOctreeMedium, FlakeOctree);
 scene_medium!(VirtualFibreMedium, VirtualFibres);

@@ -5,7 +5,7 @@ use crate::matter::plane::PlaneSite;
 use crate::matter::plies::PlySite;
 use crate::matter::sheet::SheetSite;
 use crate::matter::site::{MediumSite, Site};
-use crate::{FlakeOctreeMedium, GridMedium, SggxOctreeMedium, SiteInfo, VirtualFibreMedium};
+use crate::{FlakeOctreeMedium, GridMedium, SiteInfo, VirtualFibreMedium};
 use glam::{DVec3, Mat3, Vec3};
 use organza_basis::{PathRng, Rgb};
 use organza_scatter::LobeSample;
@@ -25,7 +25,6 @@ pub struct Collision<'a> {
 /// The site of any matter, by value, so that a collision allocates nothing.
 pub(crate) enum AnySite<'a> {
     Grid(MediumSite<'a, GridMedium>),
-    SggxOctree(MediumSite<'a, SggxOctreeMedium>),
     FlakeOctree(MediumSite<'a, FlakeOctreeMedium>),
     VirtualFibres(MediumSite<'a, VirtualFibreMedium>),
     ExplicitFibres(ExplicitFibreSite<'a>),
@@ -38,7 +37,6 @@ impl<'a> AnySite<'a> {
     fn as_site(&self) -> &(dyn Site + 'a) {
         match self {
             AnySite::Grid(s) => s,
-            AnySite::SggxOctree(s) => s,
             AnySite::FlakeOctree(s) => s,
             AnySite::VirtualFibres(s) => s,
             AnySite::ExplicitFibres(s) => s,
@@ -51,7 +49,6 @@ impl<'a> AnySite<'a> {
     fn as_site_mut(&mut self) -> &mut (dyn Site + 'a) {
         match self {
             AnySite::Grid(s) => s,
-            AnySite::SggxOctree(s) => s,
             AnySite::FlakeOctree(s) => s,
             AnySite::VirtualFibres(s) => s,
             AnySite::ExplicitFibres(s) => s,

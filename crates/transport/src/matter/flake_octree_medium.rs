@@ -2,11 +2,10 @@
 
 use crate::SiteInfo;
 use crate::matter::octree_medium::{OctreeLevel, OctreeMedium, Scatterer};
-use crate::matter::sggx_octree_medium::{info_of, level_of};
 use glam::{UVec3, Vec3};
-use organza_basis::{Mixture, PathRng, Rgb};
+use organza_basis::{CellGrid, Mixture, PathRng, Rgb};
 use organza_scatter::{
-    ClearFibre, DiffuseFlake, FlakeFamily, FlakeOptics, FlakeScattering, LobeSample,
+    ClearFibre, DiffuseFlake, FlakeFamily, FlakeMixtures, FlakeOptics, LobeSample,
     TransmittingFlakes,
 };
 use organza_volume::Octree;
@@ -20,24 +19,34 @@ pub struct FlakeSite {
     met: Option<DiffuseFlake>,
 }
 
-/// Fibres of an octree level as flakes of a [`FlakeFamily`]. Mirrors of the SGGX
-/// distribution have a medium of their own, [`crate::SggxOctreeMedium`], which the kernel
-/// takes.
+/// Fibres of an octree level as flakes of a [`FlakeFamily`].
 ///
 /// Populations of all families have the same ratio of end-on to broadside
 /// extinction, see [`crate::population_shape`]. Where a family draws a flake per
 /// collision, `eval`, `sample` and `pdf` are those of the flake that
 /// [`crate::Medium::draw_event`] drew.
-pub type FlakeOctreeMedium = OctreeMedium<FamilyFlakes>;
+pub type FlakeOctreeMedium = OctreeMedium<FlakeMixtures>;
 
-/// Flakes of a family, for a cloth's materials.
-pub struct FamilyFlakes {
-    flakes: Box<dyn FlakeScattering>,
+/// The level of an octree that materials so many are known of; `None` when there is no
+/// such level, or materials are missing.
+fn level_of(octree: impl Into<Arc<Octree>>, level: u8, materials: usize) -> Option<OctreeLevel> {
+    let octree = octree.into();
+    if level >= octree.level_count() || materials < octree.material_count() {
+        return None;
+    }
+    let outline = octree.outline_level(level);
+    let cell_grid = CellGrid::new(octree.bounds_mm(), octree.dims(outline), octree.repeats())?;
+    Some(OctreeLevel {
+        octree,
+        level,
+        outline,
+        cell_grid,
+    })
 }
 
 impl FlakeOctreeMedium {
     /// The cloth at a level of detail (0 the finest). `optics` is indexed by
-    /// the octree's materials.
+    /// the octree's materials. Media of several levels may share one octree.
     ///
     /// `None` when the level does not exist or a material has no optics.
     pub fn new(
@@ -47,9 +56,7 @@ impl FlakeOctreeMedium {
         family: FlakeFamily,
     ) -> Option<FlakeOctreeMedium> {
         let level = level_of(octree, level, optics.len())?;
-        let scatterer = FamilyFlakes {
-            flakes: family.of_materials(optics),
-        };
+        let scatterer = family.of_materials(optics);
         Some(OctreeMedium { level, scatterer })
     }
 
@@ -61,13 +68,23 @@ impl FlakeOctreeMedium {
         fibres: Vec<ClearFibre>,
     ) -> Option<FlakeOctreeMedium> {
         let level = level_of(octree, level, optics.len())?;
-        let flakes = Box::new(TransmittingFlakes::new(optics, fibres));
-        let scatterer = FamilyFlakes { flakes };
+        let scattering = TransmittingFlakes::new(&optics, fibres);
+        let scatterer = FlakeMixtures::new(optics, Arc::new(scattering));
         Some(OctreeMedium { level, scatterer })
+    }
+
+    /// The populations of a cell of its [grid](crate::Medium::cell_grid).
+    pub fn populations(&self, cell: UVec3) -> Mixture {
+        self.octree().outlined_mixture(self.level(), cell)
+    }
+
+    /// The flakes of the cloth's materials.
+    pub fn flakes(&self) -> &FlakeMixtures {
+        &self.scatterer
     }
 }
 
-impl Scatterer for FamilyFlakes {
+impl Scatterer for FlakeMixtures {
     type Site = FlakeSite;
 
     fn site(&self, level: &OctreeLevel, cell: UVec3) -> FlakeSite {
@@ -82,33 +99,34 @@ impl Scatterer for FamilyFlakes {
     }
 
     fn draw_event(&self, site: FlakeSite, w_out: Vec3, rng: &mut PathRng) -> FlakeSite {
-        if !self.flakes.draws_flakes() {
-            return site;
-        }
-        let met = self.flakes.draw_flake(&site.mixture, w_out, rng);
+        let met = self.draw_flake(&site.mixture, w_out, rng);
         FlakeSite { met, ..site }
     }
 
     fn sigma_t(&self, site: &FlakeSite, w: Vec3) -> f32 {
-        self.flakes.sigma_t_per_mm(&site.mixture, w)
+        self.sigma_t_per_mm(&site.mixture, w)
     }
 
     fn eval(&self, site: &FlakeSite, w_out: Vec3, w_in: Vec3) -> Rgb {
-        let flake = site.met.as_ref();
-        self.flakes.eval(&site.mixture, flake, w_out, w_in).0
+        FlakeMixtures::eval(self, &site.mixture, site.met.as_ref(), w_out, w_in).0
     }
 
     fn sample(&self, site: &FlakeSite, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
-        let flake = site.met.as_ref();
-        self.flakes.sample(&site.mixture, flake, w_out, rng)
+        FlakeMixtures::sample(self, &site.mixture, site.met.as_ref(), w_out, rng)
     }
 
     fn pdf(&self, site: &FlakeSite, w_out: Vec3, w_in: Vec3) -> f32 {
-        let flake = site.met.as_ref();
-        self.flakes.eval(&site.mixture, flake, w_out, w_in).1
+        FlakeMixtures::eval(self, &site.mixture, site.met.as_ref(), w_out, w_in).1
     }
 
     fn info(&self, site: &FlakeSite) -> SiteInfo {
-        info_of(&site.mixture)
+        let densest = site
+            .mixture
+            .iter()
+            .max_by(|a, b| a.broadside_per_mm().total_cmp(&b.broadside_per_mm()));
+        densest.map_or(SiteInfo::default(), |c| SiteInfo {
+            axis: c.axis,
+            yarn: Some(c.yarn),
+        })
     }
 }

@@ -20,7 +20,6 @@ pub(crate) mod packing;
 pub(crate) mod plane;
 pub(crate) mod plies;
 pub(crate) mod ray_target;
-pub(crate) mod sggx_octree_medium;
 pub(crate) mod sheet;
 pub(crate) mod site;
 pub(crate) mod tracking;
@@ -31,7 +30,7 @@ pub use any_medium::AnyMedium;
 pub use collision::Collision;
 pub use draping::Draping;
 pub use explicit_fibres::{ExplicitFibres, ExplicitFibresError, FibreHit};
-pub use flake_octree_medium::{FamilyFlakes, FlakeOctreeMedium, FlakeSite};
+pub use flake_octree_medium::{FlakeOctreeMedium, FlakeSite};
 pub use grid::{Grid, GridMediumError, Interpolation, MAX_EXTINCTION_PER_MM};
 pub use grid_medium::GridMedium;
 pub use hybrid_fibres::HybridFibres;
@@ -45,7 +44,6 @@ pub use octree_medium::{OctreeLevel, OctreeMedium, Scatterer};
 pub use packing::PackingFactors;
 pub use plane::Plane;
 pub use plies::{Plies, PliesError};
-pub use sggx_octree_medium::{SggxFlakes, SggxOctreeMedium};
 pub use tracking::{
     Integrator, exact_transmittance, sample_collision, sample_collision_exactly,
     stopped_transmittance, transmittance,

@@ -49,7 +49,9 @@ fn flakes_at(level: u8, turned: bool) -> AnyMedium {
         albedo: Rgb::from(albedo),
         end_on_ratio: 0.1,
     });
-    AnyMedium::SggxOctree(SggxOctreeMedium::new(octree(turned), level, optics.to_vec()).unwrap())
+    let family = FlakeFamily::SGGX_SPECULAR;
+    let medium = FlakeOctreeMedium::new(octree(turned), level, optics.to_vec(), family);
+    AnyMedium::FlakeOctree(medium.unwrap())
 }
 
 fn cut(mut medium: AnyMedium) -> AnyMedium {

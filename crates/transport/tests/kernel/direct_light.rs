@@ -58,7 +58,7 @@ fn scenes() -> Vec<(&'static str, Scene)> {
         ("grid", scene(AnyMedium::Grid(grid(true)), sky(), lens())),
         (
             "voxels",
-            scene(AnyMedium::SggxOctree(cloth()), parallel(), flat),
+            scene(AnyMedium::FlakeOctree(cloth()), parallel(), flat),
         ),
     ];
     all.extend(several_cloths::scenes());

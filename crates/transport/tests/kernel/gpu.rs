@@ -5,8 +5,8 @@ use crate::kernel::energy::white_slab;
 use crate::kernel::pictures::picture;
 use crate::kernel::virtual_fibres::silk_and_cotton;
 use crate::kernel::{
-    agree, cloth, cut_grid, flat_scene, grid, grid_of, lens, panels, parallel, scene, settings,
-    sky, virtual_fibres,
+    agree, cloth, cut_grid, flake_families, flat_scene, grid, grid_of, lens, panels, parallel,
+    scene, settings, sky, virtual_fibres,
 };
 use glam::{DVec3, UVec2, UVec3, Vec3};
 use organza_basis::{Aabb, Rgb, Sym3};
@@ -74,7 +74,7 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     let flat = Projection::Orthographic { width_mm: 0.3 };
     let wide = Projection::Orthographic { width_mm: 0.7 };
     let grid = |repeats| AnyMedium::Grid(grid(repeats));
-    let mixtures = || AnyMedium::SggxOctree(cloth());
+    let mixtures = || AnyMedium::FlakeOctree(cloth());
     let all = || [parallel(), sky(), panels(), vec![picture()]].concat();
     vec![
         ("finite", scene(grid(false), parallel(), pinhole)),
@@ -457,5 +457,23 @@ fn tables_beyond_the_limits_are_refused() {
             organza_testing::skipped("engine gpu", &format!("this computer lacks {needs}"));
         }
         other => panic!("{other:?}"),
+    }
+}
+
+/// Shaders have mirrors of the SGGX distribution alone; the others are left to processors.
+#[test]
+fn other_families_of_flakes_are_refused() {
+    let flat = Projection::Orthographic { width_mm: 0.3 };
+    for family in FlakeFamily::all() {
+        let cloth = flake_families::cloth(family, [0.9; 2]);
+        let scene = scene(cloth, parallel(), flat);
+        let made = Arc::new(flat_scene(&scene, &settings(0..1, 8)));
+        let source = GpuEngine::source_for_voxels(&made);
+        let is_refused = matches!(source, Err(Refusal::NotYet(_)));
+        assert_eq!(
+            is_refused,
+            family != FlakeFamily::SGGX_SPECULAR,
+            "{family:?}"
+        );
     }
 }

@@ -5,6 +5,7 @@ mod direct_light;
 mod energy;
 mod engines;
 mod explicit_fibres;
+mod flake_families;
 #[cfg(feature = "gpu")]
 mod gpu;
 #[cfg(feature = "gpu")]
@@ -79,12 +80,12 @@ fn grid_of(repeats: bool, factor: f32) -> GridMedium {
 }
 
 /// Fibres that cross in the same voxels: mixtures of two populations.
-fn cloth() -> SggxOctreeMedium {
+fn cloth() -> FlakeOctreeMedium {
     cloth_at(0)
 }
 
 /// The same at a level of detail, up to 2.
-fn cloth_at(level: u8) -> SggxOctreeMedium {
+fn cloth_at(level: u8) -> FlakeOctreeMedium {
     let options = VoxelizeOptions {
         voxel_mm: 0.02,
         levels: Some(2.max(level + 1)),
@@ -96,7 +97,7 @@ fn cloth_at(level: u8) -> SggxOctreeMedium {
         albedo: Rgb::new(0.9, 0.7, 0.5),
         end_on_ratio: 0.1,
     };
-    SggxOctreeMedium::new(octree, level, vec![optics]).unwrap()
+    FlakeOctreeMedium::new(octree, level, vec![optics], FlakeFamily::SGGX_SPECULAR).unwrap()
 }
 
 fn parallel() -> Vec<Light> {
@@ -293,7 +294,7 @@ fn the_kernel_agrees_with_the_general_walk() {
         ),
         (
             "mixtures",
-            scene(AnyMedium::SggxOctree(cloth()), parallel(), flat),
+            scene(AnyMedium::FlakeOctree(cloth()), parallel(), flat),
         ),
         (
             "panels",
@@ -301,17 +302,17 @@ fn the_kernel_agrees_with_the_general_walk() {
         ),
         (
             "mixtures, level 1",
-            scene(AnyMedium::SggxOctree(cloth_at(1)), parallel(), flat),
+            scene(AnyMedium::FlakeOctree(cloth_at(1)), parallel(), flat),
         ),
         (
             "mixtures, level 2",
-            scene(AnyMedium::SggxOctree(cloth_at(2)), parallel(), flat),
+            scene(AnyMedium::FlakeOctree(cloth_at(2)), parallel(), flat),
         ),
         ("cut", scene(cut_grid(), parallel(), wide)),
         ("cut, panels", scene(cut_grid(), panels(), wide)),
         (
             "mixtures, sky",
-            scene(AnyMedium::SggxOctree(cloth()), sky(), flat),
+            scene(AnyMedium::FlakeOctree(cloth()), sky(), flat),
         ),
     ] {
         let settings = settings(0..samples(), u32::MAX);
@@ -371,7 +372,7 @@ fn a_table_without_exact_rays_is_rejected() {
 fn back_ends_threads_and_passes_give_the_same_bits() {
     let mut lights = parallel();
     lights.push(pictures::picture());
-    let scene = scene(AnyMedium::SggxOctree(cloth()), lights, lens());
+    let scene = scene(AnyMedium::FlakeOctree(cloth()), lights, lens());
     let settings = settings(0..6, 40);
     let (film_of_one, stats) = film(
         &scene,

@@ -19,7 +19,7 @@ fn pictures_light_the_kernel_as_the_walk() {
     for (name, medium, projection) in [
         ("finite", AnyMedium::Grid(grid(false)), pinhole),
         ("endless", AnyMedium::Grid(grid(true)), lens()),
-        ("mixtures", AnyMedium::SggxOctree(cloth()), pinhole),
+        ("mixtures", AnyMedium::FlakeOctree(cloth()), pinhole),
     ] {
         let scene = scene(medium, vec![picture()], projection);
         let settings = settings(0..samples(), u32::MAX);

@@ -8,7 +8,7 @@ use crate::kernel::{
 use glam::UVec3;
 use organza_basis::{PathRng, Rgb, unwatched, warp};
 use organza_kernel::proofs::Fault;
-use organza_kernel::{Matter, Refusal};
+use organza_kernel::{Matter, Refusal, Scatterers};
 use organza_scatter::{Fibre, FittedFibre, FittedParameters};
 use organza_testing::little_weave;
 use organza_testing::{dielectric_fibre, fitted_fibre};
@@ -82,7 +82,7 @@ fn described_fibres_are_the_medium() {
         mixed += usize::from(populations.len() > 1);
     }
     assert!(mixed > 20, "{mixed} mixtures");
-    assert_eq!(Matter::fibres(&medium).map(<[Fibre]>::len), Some(2));
+    assert!(matches!(medium.scatterers(), Scatterers::Fibres([_, _])));
 }
 
 /// Pictures of the kernel and of the walk; the twin has others of the fibres.

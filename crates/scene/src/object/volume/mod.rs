@@ -22,7 +22,7 @@ use crate::scan_file::ScanFile;
 use crate::volume_file;
 use organza_basis::{Aabb, Budget};
 use organza_scatter::{FlakeFamily, FlakeOptics};
-use organza_transport::{AnyMedium, Camera, SggxOctreeMedium};
+use organza_transport::{AnyMedium, Camera, FlakeOctreeMedium};
 use organza_volume::format::{self, FORMATS, Format, Volume};
 use organza_volume::ovox::Stored;
 use organza_volume::{FibreFootprint, GridSet, Octree};
@@ -277,8 +277,10 @@ impl<'a> VolumeObject<'a> {
                     Lod::Name(_) => Levels::only(0),
                 };
                 let volume = |level| {
-                    let medium = SggxOctreeMedium::new(Arc::clone(&octree), level, optics.clone());
-                    Ok(medium.map(AnyMedium::SggxOctree))
+                    let (octree, optics) = (Arc::clone(&octree), optics.clone());
+                    let family = FlakeFamily::SGGX_SPECULAR;
+                    let medium = FlakeOctreeMedium::new(octree, level, optics, family);
+                    Ok(medium.map(AnyMedium::FlakeOctree))
                 };
                 levels
                     .medium(&place, None, volume)?
