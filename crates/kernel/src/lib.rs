@@ -11,7 +11,7 @@
 //! [`Refusal`]. The general walk is its oracle: both estimate the same picture with
 //! other random numbers.
 //!
-//! In voxels, parallel light and the light of panels come from tables of optical depths,
+//! In voxels, parallel light and the light of what has a place come from tables of optical depths,
 //! which an occasional exact shadow ray corrects; environments are found by paths that
 //! escape, and bright parts of environment pictures by shadow rays.
 //!
@@ -29,6 +29,7 @@ mod catalogue;
 #[allow(missing_docs)]
 mod cpu;
 mod devices;
+mod drawn_light;
 mod engine;
 pub mod fibres;
 #[cfg(feature = "gpu")]

@@ -44,7 +44,8 @@ pub fn survivors_by<F: Floats>(
 /// only where it may.
 pub fn survivor(throughput: Rgb, rng: &mut PathRng) -> Option<Rgb> {
     let survival = FIBRE_SCALE * throughput.mean();
-    if survival >= 1.0 {
+    // What is no number goes on, so that its sample is counted as such.
+    if survival.is_nan() || survival >= 1.0 {
         return Some(throughput);
     }
     let (survives, carried) = survivors_by(V3::splat(throughput.0), survival, rng.unit(), true);

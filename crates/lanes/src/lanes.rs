@@ -118,7 +118,6 @@ pub trait Floats:
 
 /// Two vectors side by side: while one waits for memory, the other computes. Only vectors of x86-64
 /// are paired.
-#[cfg_attr(not(target_arch = "x86_64"), expect(dead_code))]
 #[derive(Clone, Copy)]
 pub struct Two<T>(T, T);
 
@@ -152,7 +151,6 @@ impl<T: Not<Output = T>> Not for Two<T> {
 }
 
 /// A mask of one vector of a pair: knows how many lanes that is.
-#[cfg_attr(not(target_arch = "x86_64"), expect(dead_code))]
 pub trait HalfMask: Mask {
     /// Lanes of the vector.
     const LANES: u32;

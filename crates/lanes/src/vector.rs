@@ -1,9 +1,9 @@
 //! The vector back ends: [`super::lanes`] by AVX2 with FMA, and by AVX-512.
 //!
 //! # Why this may be unsafe
-//! The intrinsics here ask for nothing but the instructions. Their wrappers are
-//! private to the kernel, which enters code over these types in one place
-//! ([`super::dispatch`]), after asking the processor. Loads and stores take
+//! The intrinsics here ask for nothing but the instructions. The types are private to this
+//! crate; code over them is entered in one place ([`super::dispatch`]), after asking the
+//! processor. Loads and stores take
 //! slices and check their length; gathers clamp every index to the table.
 #![allow(unsafe_code)]
 
@@ -127,8 +127,9 @@ macro_rules! vector_back_end {
             }
             #[inline(always)]
             fn gather(self, table: &[u32]) -> U {
-                debug_assert!(!table.is_empty() && table.len() < 1 << 31);
-                let last = (table.len() as u32).wrapping_sub(1);
+                assert!(!table.is_empty());
+                debug_assert!(table.len() < 1 << 31);
+                let last = (table.len().min(1 << 31) - 1) as u32;
                 unsafe {
                     let at = $umin(self.0, $set_u(last as i32));
                     U($gather(at, table.as_ptr().cast()))

@@ -23,15 +23,14 @@ use crate::lobe_table::{LobeTable, ROWS, SHAPED, row_cosine};
 use crate::longitudinal::{
     Balance, Blur, Inclinations, MAX_BLUR_RAD, MIN_BLUR_RAD, wrapped_gaussian,
 };
+use crate::near::LOBES;
 use crate::near::crossing::{Crossing, incidence};
 use crate::near::parts::{NearKind, NearParts};
-use crate::near::{LOBES, Optics};
 use crate::section::Section;
 use crate::traced_section::Traced;
 use glam::{Vec3, Vec4};
 use organza_basis::{PathRng, Rgb};
 use std::f32::consts::{PI, TAU};
-use std::sync::Arc;
 
 /// What a dielectric fibre is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,8 +63,6 @@ pub struct DielectricFibre {
     geometric: bool,
     azimuth_blur: f32,
     balance: Balance,
-    /// Of the near field.
-    optics: Arc<Optics>,
     table: LobeTable,
 }
 
@@ -126,19 +123,12 @@ impl DielectricFibre {
             geometric: (2.0 * MIN_BLUR_RAD..=0.5 * MAX_BLUR_RAD).contains(&p.longitudinal_rad),
             azimuth_blur,
             balance,
-            optics: Arc::new(Optics::of_parts(&[])),
             table: LobeTable::new(azimuths),
         };
         for i in 0..ROWS {
             fibre.add_row(row_cosine(i), traced.as_ref().map(|rows| &rows[i]));
         }
-        fibre.optics = Arc::new(Optics::of_parts(&[fibre.near_parts()]));
         Ok(fibre)
-    }
-
-    /// What it was made from.
-    pub fn parameters(&self) -> &DielectricParameters {
-        &self.parameters
     }
 
     fn add_row(&mut self, cos: f32, traced: Option<&Traced>) {
@@ -209,11 +199,6 @@ impl DielectricFibre {
                 .collect()
         })
     }
-
-    /// The outline of a fibre that is not round.
-    pub fn section(&self) -> Option<Section> {
-        self.section
-    }
 }
 
 impl FibreModel for DielectricFibre {
@@ -223,10 +208,6 @@ impl FibreModel for DielectricFibre {
 
     fn balance(&self) -> &Balance {
         &self.balance
-    }
-
-    fn optics(&self) -> &Optics {
-        &self.optics
     }
 
     fn near_parts(&self) -> NearParts {

@@ -13,7 +13,7 @@ use organza_lanes::V3;
 use organza_lanes::math::wrap;
 use std::fmt;
 use std::ops::Deref;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A model of how a fibre scatters light.
 ///
@@ -21,7 +21,8 @@ use std::sync::Arc;
 /// A_p(theta_d, azimuth)` with the scale c of its balance, the folded Gaussians K of its blurs,
 /// and A even in the azimuth. Reciprocity follows. A is at most what the balance was made for.
 pub trait FibreModel: fmt::Debug + Send + Sync {
-    /// Blurs of the lobes; lobes beyond the last have that of the first.
+    /// Blurs of the lobes; lobes beyond the last have that of the first. Where there are four,
+    /// the last two are alike.
     fn blurs(&self) -> &[Blur];
 
     /// What keeps the energy of its lobes.
@@ -29,9 +30,6 @@ pub trait FibreModel: fmt::Debug + Send + Sync {
 
     /// The numbers of its near field.
     fn near_parts(&self) -> NearParts;
-
-    /// The same as a table, made once.
-    fn optics(&self) -> &Optics;
 
     /// Density of the inclinations in each lobe.
     fn densities(&self, pair: &Inclinations) -> [f32; LOBES] {
@@ -55,11 +53,18 @@ pub trait FibreModel: fmt::Debug + Send + Sync {
 
 /// How a fibre scatters light, by any model.
 #[derive(Clone, Debug)]
-pub struct Fibre(Arc<dyn FibreModel>);
+pub struct Fibre {
+    model: Arc<dyn FibreModel>,
+    /// The numbers of its near field as a table, once they were asked for.
+    optics: Arc<OnceLock<Optics>>,
+}
 
 impl<M: FibreModel + 'static> From<M> for Fibre {
     fn from(model: M) -> Fibre {
-        Fibre(Arc::new(model))
+        Fibre {
+            model: Arc::new(model),
+            optics: Arc::default(),
+        }
     }
 }
 
@@ -67,11 +72,16 @@ impl Deref for Fibre {
     type Target = dyn FibreModel;
 
     fn deref(&self) -> &(dyn FibreModel + 'static) {
-        &*self.0
+        &*self.model
     }
 }
 
 impl Fibre {
+    fn optics(&self) -> &Optics {
+        self.optics
+            .get_or_init(|| Optics::of_parts(&[self.near_parts()]))
+    }
+
     /// Cosine of the inclination at which lobes are drawn: that of `w_out`, kept
     /// as far from zero as blur moves the mean inclination. Exactly along the
     /// fibre a smooth one only reflects, while a rough one also transmits.
@@ -242,12 +252,7 @@ fn finish(w_in: Vec3, value: Rgb, pdf: f32) -> Option<LobeSample> {
 #[derive(Clone, Copy)]
 pub struct NearEvent(Event<f32>);
 
-impl NearEvent {
-    /// The offset of the event.
-    pub fn offset(&self) -> f32 {
-        self.0.offset
-    }
-}
+impl NearEvent {}
 
 impl PartialEq for NearEvent {
     fn eq(&self, other: &NearEvent) -> bool {

@@ -14,15 +14,14 @@ use crate::fibre_catalogue::FibreKind;
 use crate::longitudinal::{
     Balance, Blur, MAX_BLUR_DEG, MAX_BLUR_RAD, MIN_BLUR_RAD, wrapped_gaussian,
 };
+use crate::near::LOBES;
 use crate::near::event::schlick;
 use crate::near::parts::{NearKind, NearParts};
-use crate::near::{LOBES, Optics};
 use glam::Vec4;
 use organza_basis::{PathRng, Rgb, nearest_name};
 use organza_lanes::V3;
 use serde::Deserialize;
 use std::f32::consts::{PI, TAU};
-use std::sync::Arc;
 
 /// Parameters of a fitted fibre.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,8 +100,6 @@ pub struct FittedFibre {
     blurs: [Blur; 2],
     azimuth_blur: f32,
     balance: Balance,
-    /// Of the near field.
-    optics: Arc<Optics>,
 }
 
 impl FittedFibre {
@@ -131,20 +128,12 @@ impl FittedFibre {
             let f = reflectance(p.colour_r, cos);
             [f, Rgb::WHITE - f]
         });
-        let mut fibre = FittedFibre {
+        Ok(FittedFibre {
             parameters,
             blurs,
             azimuth_blur: p.azimuthal_tt_rad.max(MIN_BLUR_RAD),
             balance,
-            optics: Arc::new(Optics::of_parts(&[])),
-        };
-        fibre.optics = Arc::new(Optics::of_parts(&[fibre.near_parts()]));
-        Ok(fibre)
-    }
-
-    /// What it was made from.
-    pub fn parameters(&self) -> &FittedParameters {
-        &self.parameters
+        })
     }
 
     /// Part of the light in each lobe at a mean inclination.
@@ -166,10 +155,6 @@ impl FibreModel for FittedFibre {
 
     fn balance(&self) -> &Balance {
         &self.balance
-    }
-
-    fn optics(&self) -> &Optics {
-        &self.optics
     }
 
     fn near_parts(&self) -> NearParts {

@@ -5,17 +5,16 @@ use crate::fibre::{Fibre, FibreModel};
 use crate::fibre_catalogue::FibreKind;
 use crate::lobe_table::{LobeTable, ROWS, SHAPED};
 use crate::longitudinal::{Balance, Blur, MAX_BLUR_DEG};
+use crate::near::LOBES;
 use crate::near::parts::{NearKind, NearParts};
-use crate::near::{LOBES, Optics};
 use glam::{Vec3, Vec4};
 use organza_basis::{PathRng, Rgb};
 use serde::Deserialize;
-use std::sync::Arc;
 
 /// Most values of a profile.
 const MAX_VALUES: usize = 1024;
-/// Nodes of a table, so that tables of lobes with few values are one of as many.
-const MIN_NODES: usize = 33;
+/// Least steps of a table.
+const MIN_STEPS: usize = 32;
 /// An index of textile fibres: near fields send the first lobe from where a round fibre of it
 /// reflects.
 const IOR: f32 = 1.55;
@@ -32,7 +31,6 @@ pub struct MeasuredFibre {
     balance: Balance,
     table: LobeTable,
     through: Rgb,
-    optics: Arc<Optics>,
 }
 
 /// The table of a [`MeasuredFibre`].
@@ -87,13 +85,17 @@ impl MeasuredLobe {
         Ok(())
     }
 
-    /// The profile at a share of the way from straight on to back.
+    /// The profile over its greatest value at a share of the way from straight on to back.
     fn at(&self, share: f32) -> f32 {
+        let most = self
+            .profile
+            .iter()
+            .fold(f32::MIN_POSITIVE, |a, &b| a.max(b));
         let last = self.profile.len() - 1;
         let place = share.clamp(0.0, 1.0) * last as f32;
         let i = (place as usize).min(last - 1);
         let (a, b) = (self.profile[i], self.profile[i + 1]);
-        a + (b - a) * (place - i as f32)
+        (a + (b - a) * (place - i as f32)) / most
     }
 }
 
@@ -132,8 +134,11 @@ impl MeasuredFibre {
             own[lobes.len()..].fill(Rgb::BLACK);
             own
         });
-        let longest = lobes.iter().map(|lobe| lobe.profile.len());
-        let nodes = longest.max().unwrap_or(0).max(MIN_NODES);
+        // A whole number of steps of the longest profile, so that none of its values is passed
+        // over; those of others are kept where they divide it.
+        let longest = lobes.iter().map(|lobe| lobe.profile.len() - 1);
+        let steps = longest.max().unwrap_or(1);
+        let nodes = steps * MIN_STEPS.div_ceil(steps) + 1;
         let shapes = [0, 1, 2].map(|p: usize| -> Vec<Vec3> {
             let share = |k: usize| k as f32 / (nodes - 1) as f32;
             let value = |k| lobes.get(p).map_or(0.0, |lobe| lobe.at(share(k)));
@@ -143,15 +148,12 @@ impl MeasuredFibre {
         for _ in 0..ROWS {
             table.add_row(energies, &shapes);
         }
-        let mut fibre = MeasuredFibre {
+        Ok(MeasuredFibre {
             blurs,
             balance,
             table,
             through: sum,
-            optics: Arc::new(Optics::of_parts(&[])),
-        };
-        fibre.optics = Arc::new(Optics::of_parts(&[fibre.near_parts()]));
-        Ok(fibre)
+        })
     }
 }
 
@@ -162,10 +164,6 @@ impl FibreModel for MeasuredFibre {
 
     fn balance(&self) -> &Balance {
         &self.balance
-    }
-
-    fn optics(&self) -> &Optics {
-        &self.optics
     }
 
     fn near_parts(&self) -> NearParts {

@@ -4,8 +4,7 @@ use crate::optics::{OpticsTable, UNDYED};
 use organza_basis::Rgb;
 use organza_scatter::longitudinal::MAX_BLUR_DEG;
 use organza_scatter::{
-    ClearFibre, DielectricFibre, DielectricParameters, Fibre, FibreKind, Section,
-    absorption_for_colour_of,
+    ClearFibre, DielectricFibre, DielectricParameters, Fibre, Section, absorption_for_colour_of,
 };
 use organza_weave::Material;
 
@@ -24,17 +23,17 @@ const AZIMUTHAL_DEG: f32 = 15.0;
 /// # Errors
 /// The key at fault, as `.key: what was expected`.
 pub fn check(t: &OpticsTable) -> Result<(), String> {
-    if let Some(value) = &t.fitted {
+    if let (Some(_), Some(_)) = (&t.fitted, &t.model) {
+        return Err(".model: does not go with `fitted`".into());
+    }
+    if let Some((own, model)) = t.own_model() {
         if let Some((key, _)) = t.dielectric_keys().iter().find(|k| k.1) {
             return Err(format!(
-                ".{key}: does not go with `fitted`, which has its own"
+                ".{key}: does not go with `{own}`, which has its own"
             ));
         }
-        return value
-            .0
-            .build()
-            .map(|_| ())
-            .map_err(|why| format!(".fitted{why}"));
+        let made = model.build().map(|_| ());
+        return made.map_err(|why| format!(".{own}{why}"));
     }
     if t.colour.is_some() && t.absorption_per_mm.is_some() {
         return Err(".colour: does not go with `absorption_per_mm`".into());
@@ -72,8 +71,8 @@ pub fn check(t: &OpticsTable) -> Result<(), String> {
 /// # Errors
 /// What is wrong with its parameters.
 pub fn of_optics(t: &OpticsTable, material: &Material) -> Result<Fibre, String> {
-    if let Some(value) = &t.fitted {
-        return value.0.build().map_err(|why| format!("fitted{why}"));
+    if let Some((own, model)) = t.own_model() {
+        return model.build().map_err(|why| format!("{own}{why}"));
     }
     let section = section(t).map_err(|why| format!("section: {why}"))?;
     let parameters = parameters(t, material, section);
@@ -81,7 +80,7 @@ pub fn of_optics(t: &OpticsTable, material: &Material) -> Result<Fibre, String> 
     Ok(Fibre::from(fibre))
 }
 
-/// What the fibres of a material are made of; none of fitted fibres, which have no body.
+/// What the fibres of a material are made of; none of fitted and measured ones, which have no body.
 ///
 /// # Errors
 /// What is wrong with their section.
@@ -90,7 +89,9 @@ pub fn dielectric(
     material: &Material,
 ) -> Result<Option<DielectricParameters>, String> {
     let section = section(t).map_err(|why| format!("section: {why}"))?;
-    Ok(t.fitted.is_none().then(|| parameters(t, material, section)))
+    Ok(t.own_model()
+        .is_none()
+        .then(|| parameters(t, material, section)))
 }
 
 fn parameters(
@@ -107,13 +108,13 @@ fn parameters(
     }
 }
 
-/// The fibre of a material as a round one without blur, for flakes that transmit. Of fitted
-/// fibres only the albedo of the flakes is known.
+/// The fibre of a material as a round one without blur, for flakes that transmit. Of fitted and
+/// measured fibres only the albedo of the flakes is known.
 ///
 /// # Errors
 /// What is wrong with its parameters.
 pub fn clear_fibre(t: &OpticsTable, material: &Material) -> Result<ClearFibre, String> {
-    if t.fitted.is_some() {
+    if t.own_model().is_some() {
         return Ok(ClearFibre::of_albedo(t.flakes(material.colour).albedo));
     }
     let ior = t.ior.unwrap_or(IOR);

@@ -4,7 +4,7 @@
 use crate::fibre_model;
 use organza_basis::{Rgb, nearest_name};
 use organza_scatter::flake::band::MIN_GAMMA;
-use organza_scatter::{BandProfile, FibreTable, FittedTable, GaussianBand, SineBand};
+use organza_scatter::{BandProfile, FibreKind, FibreTable, FittedTable, GaussianBand, SineBand};
 use organza_transport::FlakeOptics;
 use organza_weave::Material;
 use serde::Deserialize;
@@ -71,16 +71,17 @@ pub struct OpticsTable {
     pub section: Option<String>,
     /// A fibre fitted to photographs, instead of all that.
     pub fitted: Option<FittedValue>,
+    /// A model of fibres of the catalogue, likewise.
+    pub model: Option<FibreTable>,
     /// The fibres in the near infrared.
     pub nir: Option<BandTable>,
     /// The fibres under all of the sun's radiation.
     pub solar: Option<BandTable>,
 }
 
-/// `fitted`: the name of a preset, or the table of a model of fibres; without `kind` that of a
-/// fitted one.
+/// `fitted`: the name of a preset, or a table.
 #[derive(Clone, Debug)]
-pub struct FittedValue(pub FibreTable);
+pub struct FittedValue(pub FittedTable);
 
 impl OpticsTable {
     /// Keys that describe a dielectric fibre, and whether they are given.
@@ -95,6 +96,14 @@ impl OpticsTable {
         ]
     }
 
+    /// The model that fibres have instead of the keys of dielectric ones, and its key.
+    pub fn own_model(&self) -> Option<(&'static str, &dyn FibreKind)> {
+        let fitted = self.fitted.as_ref().map(|value| &value.0 as _);
+        let model = self.model.as_ref().map(|table| table as _);
+        let fitted = fitted.map(|kind| ("fitted", kind));
+        fitted.or(model.map(|kind| ("model", kind)))
+    }
+
     /// This table, and `under` where it is silent. Keys that say the same in
     /// different words give way together.
     fn over(self, under: OpticsTable) -> OpticsTable {
@@ -103,7 +112,7 @@ impl OpticsTable {
         let dyed = self.colour.is_some() || self.absorption_per_mm.is_some();
         let colour = |under: Option<[f32; 3]>| under.filter(|_| !dyed);
         let dielectric = self.dielectric_keys().iter().any(|k| k.1);
-        let fitted = self.fitted.is_some();
+        let fitted = self.own_model().is_some();
         let clear = |under: Option<f32>| under.filter(|_| !fitted);
         let clear3 = |under: Option<[f32; 3]>| under.filter(|_| !fitted);
         OpticsTable {
@@ -121,7 +130,12 @@ impl OpticsTable {
             longitudinal_deg: self.longitudinal_deg.or(clear(under.longitudinal_deg)),
             azimuthal_deg: self.azimuthal_deg.or(clear(under.azimuthal_deg)),
             section: self.section.or(under.section.filter(|_| !fitted)),
-            fitted: self.fitted.or(under.fitted.filter(|_| !dielectric)),
+            model: self
+                .model
+                .or(under.model.filter(|_| !dielectric && !fitted)),
+            fitted: self
+                .fitted
+                .or(under.fitted.filter(|_| !dielectric && !fitted)),
             nir: self.nir.or(under.nir),
             solar: self.solar.or(under.solar),
         }
@@ -355,21 +369,13 @@ impl<'de> Deserialize<'de> for FittedValue {
                 f.write_str("the name of a preset, or a table")
             }
             fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<FittedValue, E> {
-                let preset = Some(name.to_owned());
-                let table = FittedTable {
-                    preset,
+                Ok(FittedValue(FittedTable {
+                    preset: Some(name.to_owned()),
                     ..FittedTable::default()
-                };
-                Ok(FittedValue(FibreTable::Fitted(table)))
+                }))
             }
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<FittedValue, A::Error> {
-                let table = toml::Table::deserialize(MapAccessDeserializer::new(map))?;
-                let wrong = |e: toml::de::Error| serde::de::Error::custom(e.message());
-                let made = match table.contains_key("kind") {
-                    true => table.try_into(),
-                    false => table.try_into().map(FibreTable::Fitted),
-                };
-                made.map(FittedValue).map_err(wrong)
+                FittedTable::deserialize(MapAccessDeserializer::new(map)).map(FittedValue)
             }
         }
         deserializer.deserialize_any(NameOrTable)

@@ -32,6 +32,7 @@ pub(crate) fn warnings(optics: &OpticsFile) -> Vec<String> {
             ("colour", table.colour.is_some()),
             ("absorption_per_mm", table.absorption_per_mm.is_some()),
             ("fitted", table.fitted.is_some()),
+            ("model", table.model.is_some()),
         ];
         let found = keys.into_iter().filter(|k| k.1);
         let warning = |(key, _)| {

@@ -88,7 +88,7 @@ impl FibreScene {
 
 /// The brightest that a light can make a pixel, roughly: samples above a hundred
 /// times of it are counted one by one.
-fn brightness(light: &Light) -> f32 {
+pub(crate) fn brightness(light: &Light) -> f32 {
     match light.for_kernel() {
         KernelLight::Parallel { irradiance, .. } => irradiance.max_component(),
         KernelLight::Sky { radiance, .. } => radiance.max_component(),

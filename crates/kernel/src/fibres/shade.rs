@@ -10,16 +10,17 @@ use super::met_fibres::{
     LeavingPoint, MetFibres, leaving_point, met_fibres, packed_ray, world_mm, yarn,
 };
 use super::own_frame::OwnFrame;
-use super::paths::{Column, Paths, State, get, load, put, store};
+use super::paths::{Paths, State, get, load, put, store};
 use super::several::{point_mm, set_out, start_at};
 use super::shadows::Shadows;
 use super::trip::TripEnd;
 use super::work::WAVE;
+use crate::drawn_light::DrawnLight;
 use crate::packed::PackedPart;
 use crate::packed::volume_ray::VolumeRay;
 use crate::roulette::{FIBRE_SCALE, survivors, survivors_by};
 use glam::Vec3;
-use organza_basis::{PathRng, Ray};
+use organza_basis::Ray;
 use organza_film::{FirstEvent, SiteInfo, Stats};
 use organza_lanes::math::{LaneRng, V3};
 use organza_lanes::{Floats, Ints, Mask, SetBits};
@@ -338,50 +339,23 @@ fn aim<F: Floats>(
             seen: mask,
             is_weighed: false,
         }),
-        _ => Some(draw_each(light, shading, paths, first, rng, mask)),
+        _ => {
+            let from = |lane| place_mm(shading.matter, paths, first + lane);
+            let drawn = DrawnLight::new(light, from, rng, mask);
+            Some(Aim {
+                toward: drawn.toward,
+                irradiance: drawn.irradiance,
+                pdf: drawn.pdf,
+                seen: drawn.seen,
+                is_weighed: light.search() == LightSearch::Both,
+            })
+        }
     }
 }
 
 /// Whether a light has a place, from which distances are measured.
 pub fn has_place(light: &Light) -> bool {
     light.for_kernel().bounds_mm().is_some()
-}
-
-/// One direction toward a light for each lane.
-fn draw_each<F: Floats>(
-    light: &Light,
-    shading: &Shading<'_>,
-    paths: &Paths,
-    first: usize,
-    rng: &mut LaneRng<F::Ints>,
-    mask: F::Mask,
-) -> Aim<F> {
-    let bits = rng.bits(mask);
-    let mut names = [[0u32; WAVE]; 2];
-    bits[0].store(&mut names[0]);
-    bits[1].store(&mut names[1]);
-    let (mut toward, mut irradiance): ([Column; 3], [Column; 3]) =
-        ([[0.0; WAVE], [0.0; WAVE], [1.0; WAVE]], [[1.0; WAVE]; 3]);
-    let (mut pdf, mut seen): (Column, u32) = ([1.0; WAVE], 0);
-    for lane in SetBits(mask.bits()) {
-        let name = u64::from(names[0][lane]) | u64::from(names[1][lane]) << 32;
-        let mut own = PathRng::from_seed(name);
-        let from = place_mm(shading.matter, paths, first + lane);
-        let Some(drawn) = light.sample_toward(from, &mut own) else {
-            continue;
-        };
-        put(&mut toward, lane, drawn.w_in);
-        put(&mut irradiance, lane, drawn.irradiance.0);
-        pdf[lane] = drawn.pdf;
-        seen |= 1 << lane;
-    }
-    Aim {
-        toward: load(&toward, 0),
-        irradiance: load(&irradiance, 0),
-        pdf: F::load(&pdf),
-        seen: F::Mask::from_bits(seen),
-        is_weighed: light.search() == LightSearch::Both,
-    }
 }
 
 /// Shadow rays of the lanes of a mask.

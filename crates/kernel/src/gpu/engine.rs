@@ -53,7 +53,9 @@ impl GpuEngine {
         }
         let mut placed = scene.lights.iter().filter_map(|l| l.placed.as_ref());
         if placed.any(|light| light.panel.is_none()) {
-            return Err(Refusal::NotYet("lights near voxels, other than rectangles"));
+            return Err(Refusal::NotYet(
+                "spots, discs and very near rectangles beside voxels",
+            ));
         }
         GpuEngine::new(
             || voxel_scene::program_scene(scene),

@@ -1,4 +1,4 @@
-// Elementary functions, as the processors' engines compute them (`cpu/math.rs`): those of
+// Elementary functions, as the processors' engines compute them (`lanes/src/math.rs`): those of
 // the language may be off by 5e-4 on some adapters.
 
 const PI: f32 = 3.14159265;

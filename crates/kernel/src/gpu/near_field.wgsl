@@ -1,5 +1,5 @@
-// Light at the surface of a fibre: see `fibres/near_event.rs`, `fibres/crossing.rs` and, for
-// the words of materials, `fibres/optics.rs`.
+// Light at the surface of a fibre: see `scatter/src/near/event.rs`, `scatter/src/near/crossing.rs` and, for
+// the words of materials, `scatter/src/near/optics.rs`.
 
 const MATERIAL_WORDS: u32 = 32u;
 const NODE_WORDS: u32 = 8u;

@@ -1,4 +1,4 @@
-// Random numbers of a path: those of the processors' engines (`cpu/math.rs`), which are
+// Random numbers of a path: those of the processors' engines (`lanes/src/math.rs`), which are
 // a rule of 32 bits, named by seed, pixel and sample. Only the name of a pixel has 64
 // bits; two words stand for them here, the lower one first.
 

@@ -1,4 +1,4 @@
-// Azimuthal lobes of fibres that are not round: see `fibres/section_lobes.rs`.
+// Azimuthal lobes of fibres that are not round: see `scatter/src/near/section_lobes.rs`.
 //
 // rows, over even steps of the cosine of the mean inclination: 0 light of the remainder 3,
 //   4 chances of the four lobes, 8 nodes, over even steps of the azimuth from 0 to pi

@@ -45,7 +45,14 @@ impl Panel {
 
     /// Toward drawn points, from places in voxels.
     #[inline(always)]
-    pub fn toward<F: Floats>(&self, at: V3<F>, beyond: [F; 2], u: F, v: F) -> Toward<F> {
+    pub fn toward<F: Floats>(
+        &self,
+        at: V3<F>,
+        beyond: [F; 2],
+        u: F,
+        v: F,
+        mask: F::Mask,
+    ) -> Toward<F> {
         let place = V3 {
             x: at.x + beyond[0],
             y: at.y + beyond[1],
@@ -66,6 +73,7 @@ impl Panel {
             toward,
             distance_mm,
             irradiance: V3::splat(self.radiance).scaled(strength),
+            seen: mask,
         }
     }
 

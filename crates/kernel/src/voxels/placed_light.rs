@@ -5,12 +5,14 @@
 //! a guess, which the exact rays set right.
 
 use super::panel::Panel;
-use super::walk::{loaded, stored};
+use super::walk::stored;
+use crate::drawn_light::DrawnLight;
+use crate::fibres::fibre_scene::brightness;
 use crate::refusal::Refusal;
 use glam::{DVec3, Vec3};
-use organza_basis::{CellGrid, PathRng, Ray};
+use organza_basis::{CellGrid, Ray};
 use organza_lanes::math::{LaneRng, V3};
-use organza_lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
+use organza_lanes::{Floats, MAX_LANES, Mask, SetBits};
 use organza_light::{KernelLight, Light, LightSearch};
 
 /// A light with a place.
@@ -33,8 +35,10 @@ pub struct Toward<F: Floats> {
     pub toward: V3<F>,
     /// To the light, mm.
     pub distance_mm: F,
-    /// Radiance over density.
+    /// Radiance over density; zero where nothing of the light is seen.
     pub irradiance: V3<F>,
+    /// Where something is.
+    pub seen: F::Mask,
 }
 
 impl PlacedLight {
@@ -61,15 +65,11 @@ impl PlacedLight {
             KernelLight::Panel(rectangle) => Panel::new(rectangle, apart_mm, cell_grid),
             _ => None,
         };
-        let middle_mm = matter_middle_mm(cell_grid);
         let brightness = match &panel {
             Some(panel) => panel.brightness(),
-            None => {
-                let mut rng = PathRng::from_seed(0);
-                let drawn = light.sample_toward(middle_mm, &mut rng);
-                drawn.map_or(1.0, |d| d.irradiance.max_component())
-            }
+            None => brightness(light),
         };
+        let middle_mm = cell_grid.bounds_mm().centre();
         Ok(PlacedLight {
             light: light.clone(),
             panel,
@@ -92,7 +92,7 @@ impl PlacedLight {
         match &self.panel {
             Some(panel) => {
                 let [u, v, _] = rng.units(mask);
-                panel.toward(at, beyond, u, v)
+                panel.toward(at, beyond, u, v, mask)
             }
             None => self.drawn(at, beyond, rng, mask),
         }
@@ -106,38 +106,32 @@ impl PlacedLight {
         rng: &mut LaneRng<F::Ints>,
         mask: F::Mask,
     ) -> Toward<F> {
-        let bits = rng.bits(mask);
-        let mut names = [[0u32; MAX_LANES]; 2];
-        bits[0].store(&mut names[0]);
-        bits[1].store(&mut names[1]);
         let places = stored(V3 {
             x: at.x + beyond[0],
             y: at.y + beyond[1],
             z: at.z,
         });
-        let mut toward = [[0.0; MAX_LANES], [0.0; MAX_LANES], [1.0; MAX_LANES]];
-        let mut irradiance = [[0.0; MAX_LANES]; 3];
-        let mut distance_mm = [0.0; MAX_LANES];
-        for lane in SetBits(mask.bits()) {
-            let name = u64::from(names[0][lane]) | u64::from(names[1][lane]) << 32;
+        let from_mm = |lane: usize| {
             let place = Vec3::from_array(places.map(|x| x[lane]));
-            let from = place * self.voxel_mm + self.min_mm;
-            let drawn = self
-                .light
-                .sample_toward(from, &mut PathRng::from_seed(name));
-            let Some(drawn) = drawn else { continue };
-            let reach = self.light.distance_along(&Ray::new(from, drawn.w_in));
-            let Some(reach) = reach else { continue };
-            for axis in 0..3 {
-                toward[axis][lane] = drawn.w_in[axis];
-                irradiance[axis][lane] = drawn.irradiance.0[axis];
+            place * self.voxel_mm + self.min_mm
+        };
+        let drawn = DrawnLight::<F>::new(&self.light, from_mm, rng, mask);
+        let mut distance_mm = [0.0; MAX_LANES];
+        let ways = stored(drawn.toward);
+        let mut seen = 0;
+        for lane in SetBits(drawn.seen.bits()) {
+            let ray = Ray::new(from_mm(lane), Vec3::from_array(ways.map(|x| x[lane])));
+            if let Some(reach) = self.light.distance_along(&ray) {
+                distance_mm[lane] = reach as f32;
+                seen |= 1 << lane;
             }
-            distance_mm[lane] = reach as f32;
         }
+        let seen = F::Mask::from_bits(seen);
         Toward {
-            toward: loaded(&toward),
+            toward: drawn.toward,
             distance_mm: F::load(&distance_mm),
-            irradiance: loaded(&irradiance),
+            irradiance: drawn.irradiance.or_where_not(seen, V3::splat(Vec3::ZERO)),
+            seen,
         }
     }
 
@@ -159,10 +153,4 @@ impl PlacedLight {
             _ => Vec3::ZERO,
         }
     }
-}
-
-/// The middle of the first period.
-fn matter_middle_mm(cell_grid: &CellGrid) -> Vec3 {
-    let bounds = cell_grid.bounds_mm();
-    bounds.min + 0.5 * bounds.size()
 }

@@ -340,11 +340,13 @@ fn scatter<F: Floats, E: Event<F>>(
             toward,
             distance_mm,
             irradiance,
+            seen,
         } = match &light.placed {
             None => Toward {
                 toward: V3::splat(light.to_light),
                 distance_mm: F::splat(f32::INFINITY),
                 irradiance: V3::splat(light.irradiance.0),
+                seen: met,
             },
             Some(placed) => placed.toward(paths.at, paths.beyond, &mut paths.rng, met),
         };
@@ -356,7 +358,7 @@ fn scatter<F: Floats, E: Event<F>>(
             table_depth: depth(&scene.depths, count, i, &corners),
             u,
         };
-        let through = aim.transmittance(scene, light, paths, mean, met, stats);
+        let through = aim.transmittance(scene, light, paths, mean, seen, stats);
         light_in = irradiance.times_add(scattered.scaled(through), light_in);
     }
     for sky in &scene.skies {

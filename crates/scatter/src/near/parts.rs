@@ -1,4 +1,4 @@
-//! A near field taken apart, for kernels that evaluate it in their own way.
+//! A near field taken apart: what tables of it are made from.
 
 use super::LOBES;
 use crate::longitudinal::{Balance, Blur};
@@ -25,7 +25,7 @@ pub struct NearParts {
     pub balance: Vec<BalanceNode>,
     /// No less than the mean of c over channels times `cos^2` anywhere.
     pub max_drawn: f32,
-    /// Of a dielectric that is not round, in place of ray optics at the offset.
+    /// Of a dielectric that is not round, or a measured fibre, in place of ray optics at the offset.
     pub section: Option<SectionTable>,
 }
 
@@ -33,7 +33,10 @@ pub struct NearParts {
 /// remainder that is even.
 #[derive(Clone, Debug)]
 pub struct SectionTable {
-    /// At even steps of the cosine of the mean inclination, from 0 to 1.
+    /// At even steps of the cosine of the mean inclination, from 0 to 1: [`FAR_ROWS`] of them,
+    /// with equally many nodes, two at least.
+    ///
+    /// [`FAR_ROWS`]: crate::FAR_ROWS
     pub rows: Vec<SectionRow>,
 }
 
@@ -79,12 +82,7 @@ pub enum NearKind {
 
 impl NearParts {
     /// Of a kind of fibre with its blurs, the deviation of its azimuth, and its balance.
-    pub(crate) fn new(
-        kind: NearKind,
-        blurs: &[Blur],
-        azimuthal_rad: f32,
-        balance: &Balance,
-    ) -> NearParts {
+    pub fn new(kind: NearKind, blurs: &[Blur], azimuthal_rad: f32, balance: &Balance) -> NearParts {
         let of = |p: usize| blurs.get(p).unwrap_or(&blurs[0]).deviation_rad;
         let node = |i: usize| {
             let bare = balance.node(i);

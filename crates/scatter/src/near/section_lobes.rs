@@ -9,8 +9,9 @@
 
 use super::LOBES;
 use super::optics::Optics;
-use super::parts::SectionTable;
+use super::parts::{SectionRow, SectionTable};
 use crate::FAR_ROWS;
+use crate::lobe_table::SHAPED;
 use organza_basis::AliasTable;
 use organza_lanes::math::V3;
 use organza_lanes::{Floats, Ints};
@@ -19,8 +20,6 @@ use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Words of a row before its nodes: light of the remainder, one of room, chances of lobes.
 const ROW_HEAD: u32 = 8;
-/// Lobes that depend on the azimuth.
-const SHAPED: usize = LOBES - 1;
 /// Words of a node: per lobe light of three channels and the density of drawing, then per
 /// lobe what of its slot is its own, and who has the rest (a whole number).
 const NODE: u32 = 6 * SHAPED as u32;
@@ -36,6 +35,15 @@ pub struct SectionLobes<F: Floats> {
 
 /// Appends a table to the words of the materials and gives what heads say of it.
 pub fn lay_out_section(table: &SectionTable, words: &mut Vec<u32>) -> [u32; 2] {
+    let rows = &table.rows;
+    let is_whole = |row: &SectionRow| {
+        let count = row.nodes[0].len();
+        count >= 2 && row.nodes.iter().all(|n| n.len() == rows[0].nodes[0].len())
+    };
+    assert!(
+        rows.len() == FAR_ROWS && rows.iter().all(is_whole),
+        "a table of lobes needs {FAR_ROWS} rows of equally many nodes"
+    );
     let first = words.len() as u32;
     let azimuths = table.rows.first().map_or(0, |row| row.nodes[0].len());
     for row in &table.rows {

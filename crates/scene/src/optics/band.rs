@@ -83,6 +83,7 @@ impl OpticsTable {
             colour: Some([colour; 3]),
             absorption_per_mm: None,
             fitted: None,
+            model: None,
             ..self
         }
     }

@@ -14,7 +14,7 @@ pub(super) static FITTED_FIBRES: FittedOptics = FittedOptics {
     range: [1.0, 30.0],
     start: 6.0,
     colour: |heap| ("colour", format!("{heap:?}")),
-    replaced: &["absorption_per_mm", "fitted"],
+    replaced: &["absorption_per_mm", "fitted", "model"],
 };
 
 /// Voxels as a medium of virtual fibres.

@@ -4,7 +4,6 @@ mod render;
 mod scene;
 mod trace;
 
-pub(crate) use organza_kernel::roulette::survivor;
 pub(crate) use render::add_samples;
 
 pub use render::{Crop, Pass, RenderError, RenderSettings, Rendering, Watch, render};

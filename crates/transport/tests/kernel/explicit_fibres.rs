@@ -10,7 +10,9 @@ use glam::{UVec2, Vec2, Vec3};
 use organza_basis::curve::{Segment, SegmentList};
 use organza_basis::{Rgb, unwatched};
 use organza_kernel::Refusal;
-use organza_scatter::{DielectricFibre, DielectricParameters, Fibre, Section};
+use organza_scatter::{
+    DielectricFibre, DielectricParameters, Fibre, MeasuredFibre, MeasuredLobe, Section,
+};
 use organza_testing::{sized, twisted_weave};
 use organza_transport::*;
 use std::ops::ControlFlow;
@@ -77,6 +79,21 @@ pub fn lobed_and_round() -> Vec<Fibre> {
     vec![Fibre::from(lobed), silk_and_cotton().remove(0)]
 }
 
+/// A fibre by its lobes beside a round one.
+fn measured_and_round() -> Vec<Fibre> {
+    let lobe = |colour, longitudinal_deg, profile: &[f32]| MeasuredLobe {
+        colour,
+        longitudinal_deg,
+        profile: profile.to_vec(),
+    };
+    let lobes = [
+        lobe([0.1; 3], 6.0, &[1.0, 2.0]),
+        lobe([0.8, 0.6, 0.3], 12.0, &[5.0, 1.0, 0.5, 0.2]),
+    ];
+    let measured = MeasuredFibre::new(&lobes).unwrap();
+    vec![Fibre::from(measured), silk_and_cotton().remove(0)]
+}
+
 fn scenes() -> Vec<(&'static str, Scene)> {
     let pinhole = Projection::Perspective { fov_rad: 0.25 };
     let flat = Projection::Orthographic { width_mm: 0.4 };
@@ -91,6 +108,10 @@ fn scenes() -> Vec<(&'static str, Scene)> {
         (
             "sections",
             scene(fibres_of(true, lobed_and_round()), parallel(), pinhole),
+        ),
+        (
+            "measured",
+            scene(fibres_of(true, measured_and_round()), parallel(), pinhole),
         ),
         (
             "sections, sky",

@@ -372,6 +372,14 @@ fn a_table_without_exact_rays_is_rejected() {
 fn back_ends_threads_and_passes_give_the_same_bits() {
     let mut lights = parallel();
     lights.push(pictures::picture());
+    lights.append(&mut panels());
+    let (above, down) = (Vec3::new(0.1, 0.2, 0.8), Vec3::NEG_Z);
+    lights.push(
+        DiscLight::new(above, down, 0.1, Rgb::WHITE, true)
+            .unwrap()
+            .into(),
+    );
+    lights.push(SpotLight::point(above, Rgb::splat(0.02)).into());
     let scene = scene(AnyMedium::FlakeOctree(cloth()), lights, lens());
     let settings = settings(0..6, 40);
     let (film_of_one, stats) = film(
