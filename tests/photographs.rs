@@ -309,7 +309,7 @@ fn fine_threads_are_recognised() {
         seed: 108,
         ..PLAIN
     };
-    let answer = fine.fit("16");
+    let answer = fine.fit(sized("6", "16"));
     let mean = |of: &str| answer.0["sides"][0]["mean"][of][1].as_f64().unwrap();
     let case = format!("seed {}: {}", fine.seed, answer.0);
     let off = mean("picture") / mean("photograph") - 1.0;
