@@ -273,7 +273,7 @@ impl Planted {
 /// again, is distinguished; at full size a tenth and a quarter.
 #[test]
 fn planted_cloth_comes_back() {
-    let (widths, colours) = PLAIN.comes_back(sized("12", "60"));
+    let (widths, colours) = PLAIN.comes_back(sized("5", "60"));
     let (wider, brighter) = sized((0.2, 0.5), (0.1, 0.25));
     let is_distinguished = |[error, se]: &[f64; 2], change: f64| (error - change).abs() > 4.0 * se;
     assert!(
@@ -309,7 +309,7 @@ fn fine_threads_are_recognised() {
         seed: 108,
         ..PLAIN
     };
-    let answer = fine.fit("16");
+    let answer = fine.fit(sized("6", "16"));
     let mean = |of: &str| answer.0["sides"][0]["mean"][of][1].as_f64().unwrap();
     let case = format!("seed {}: {}", fine.seed, answer.0);
     let off = mean("picture") / mean("photograph") - 1.0;

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::spec::{SlubSpec, YarnSpec};
+use organza_testing::sized;
 
 fn yarn(mass_cv_percent: f64, fibre_length_mm: f64) -> Yarn {
     let spec = YarnSpec {
@@ -14,61 +15,84 @@ fn yarn(mass_cv_percent: f64, fibre_length_mm: f64) -> Yarn {
     Yarn::new("cotton", &spec).unwrap()
 }
 
-/// Mean, variance, and covariance at a distance, over many threads of a yarn.
-fn moments(yarn: &Yarn, length_mm: f64, apart_mm: f64) -> [f64; 3] {
-    let (mut sum, mut square, mut product) = (0.0, 0.0, 0.0);
-    let threads = 4000;
-    for thread in 0..threads {
+/// Threads over which moments are taken.
+fn threads() -> u64 {
+    sized(2000, 4000)
+}
+
+/// Mean, variance, and covariances at distances, over many threads of a yarn.
+fn moments<const N: usize>(
+    yarn: &Yarn,
+    length_mm: f64,
+    apart_mm: [f64; N],
+) -> (f64, f64, [f64; N]) {
+    let (mut sum, mut square, mut there) = (0.0, 0.0, [[0.0; 2]; N]);
+    for thread in 0..threads() {
         let mut rng = PathRng::new(11, thread, 0);
         let mean = thread_mass(yarn, length_mm, &mut rng);
         let profile = Profile::new(yarn, length_mm, &mut rng).unwrap();
-        let (a, b) = (profile.mass(0.3), profile.mass(0.3 + apart_mm / length_mm));
         // Both variations are small, so they add up.
-        let (a, b) = (mean + a - 1.0, mean + b - 1.0);
+        let mass = |from_mm: f64| mean + profile.mass(0.3 + from_mm / length_mm) - 1.0;
+        let a = mass(0.0);
         sum += a;
         square += a * a;
-        product += a * b;
+        for ([sum, product], mm) in there.iter_mut().zip(apart_mm) {
+            let b = mass(mm);
+            *sum += b;
+            *product += a * b;
+        }
     }
-    let n = threads as f64;
+    let n = threads() as f64;
     let mean = sum / n;
-    [mean, square / n - mean * mean, product / n - mean * mean]
+    // Each place has its own mean: the error of a mean is larger than that of a covariance.
+    let covariances = there.map(|[sum, product]| product / n - mean * sum / n);
+    (mean, square / n - mean * mean, covariances)
 }
 
 /// The variance over all threads is what was asked for, and the correlation falls as that of
 /// fibres of the given length, on tiles that are shorter and longer than a fibre.
 #[test]
 fn mass_varies_as_that_of_random_fibres() {
+    for (fibre_mm, length_mm, apart_mm) in [(28.0, 4.0, [2.0, 1.0]), (3.0, 40.0, [1.0, 6.0])] {
+        mass_varies(fibre_mm, length_mm, apart_mm);
+    }
+}
+
+fn mass_varies(fibre_mm: f64, length_mm: f64, apart_mm: [f64; 2]) {
     let cv: f64 = 0.08;
-    for (fibre_mm, length_mm, apart_mm) in [(28.0, 4.0, 2.0), (3.0, 40.0, 1.0), (3.0, 40.0, 6.0)] {
-        let [mean, variance, covariance] =
-            moments(&yarn(100.0 * cv, fibre_mm), length_mm, apart_mm);
-        let wrapped = |x: f64| {
-            let copies = (-50..=50).map(|n| x + f64::from(n) * length_mm);
-            copies
-                .map(|x| (1.0 - x.abs() / fibre_mm).max(0.0))
-                .sum::<f64>()
-        };
-        let expected = cv * cv * wrapped(apart_mm) / wrapped(0.0);
-        // Four standard errors of a variance over 4000 threads, and what clamped
-        // deviates and cut waves take away.
-        let error = cv * cv * (4.0 * (2.0f64 / 4000.0).sqrt() + 0.05);
+    let of_fibres = |fibre_mm: f64| moments(&yarn(100.0 * cv, fibre_mm), length_mm, apart_mm);
+    let (mean, variance, covariances) = of_fibres(fibre_mm);
+    let wrapped = |x: f64| {
+        let copies = (-50..=50).map(|n| x + f64::from(n) * length_mm);
+        copies
+            .map(|x| (1.0 - x.abs() / fibre_mm).max(0.0))
+            .sum::<f64>()
+    };
+    let expected = apart_mm.map(|mm| cv * cv * wrapped(mm) / wrapped(0.0));
+    // Four standard errors of a variance over the threads, and what clamped
+    // deviates and cut waves take away.
+    let n = threads() as f64;
+    let error = cv * cv * (4.0 * (2.0 / n).sqrt() + 0.05);
+    assert!((mean - 1.0).abs() < 4.0 * cv / n.sqrt(), "mean {mean}");
+    assert!(
+        (variance - cv * cv).abs() < error,
+        "{fibre_mm} {length_mm}: {variance}"
+    );
+    let is_near = |found: f64, expected: f64| (found - expected).abs() < error;
+    assert!(
+        covariances
+            .iter()
+            .zip(expected)
+            .all(|(&c, e)| is_near(c, e)),
+        "{fibre_mm} {length_mm} at {apart_mm:?}: {covariances:?} for {expected:?}; seed 11"
+    );
+    // The twin: fibres of another length.
+    if fibre_mm < length_mm {
+        let (_, _, twin) = of_fibres(10.0 * fibre_mm);
         assert!(
-            (mean - 1.0).abs() < 4.0 * cv / 4000f64.sqrt(),
-            "mean {mean}"
+            twin.iter().zip(expected).all(|(&c, e)| !is_near(c, e)),
+            "{twin:?} for {expected:?}"
         );
-        assert!(
-            (variance - cv * cv).abs() < error,
-            "{fibre_mm} {length_mm}: {variance}"
-        );
-        assert!(
-            (covariance - expected).abs() < error,
-            "{fibre_mm} {length_mm} at {apart_mm}: {covariance} for {expected}; seed 11"
-        );
-        // The twin: fibres of another length.
-        let twin = moments(&yarn(100.0 * cv, 10.0 * fibre_mm), length_mm, apart_mm)[2];
-        if fibre_mm < length_mm {
-            assert!((twin - expected).abs() > error, "{twin} for {expected}");
-        }
     }
 }
 
