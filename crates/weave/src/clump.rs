@@ -12,6 +12,11 @@ use std::f64::consts::PI;
 /// Share of the ellipsoid that is fibre (estimated). Sixteen fibres, the typical number in a nep
 /// of cotton [ITC2007], of 28 mm and a radius of 6 um fill as much of a ball of 0.8 mm.
 pub(crate) const FILL: f64 = 0.2;
+/// The largest standard deviation of sizes, relative to their mean: beyond it so many sizes are
+/// raised to [`LEAST`] that clumps hold more fibre than mean and deviation say.
+pub(crate) const MAX_DEVIATION: f64 = 0.5;
+/// The smallest clump, relative to the mean.
+pub(crate) const LEAST: f64 = 0.2;
 /// Radius to which fibres curl, root mean square, relative to the shortest half axis.
 const CURL: f64 = 0.55;
 /// Share of its own extent beyond which a fibre turns back, and how sharply, relative to its curl.

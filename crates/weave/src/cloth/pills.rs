@@ -5,10 +5,10 @@
 //! have: pills come on top, as hairs do.
 
 use super::heights::Heights;
-use super::{Cloth, CurveLevel, PrintSide};
+use super::{Centreline, Cloth, CurveLevel, PrintSide, ThreadAtRest};
 use crate::Error;
-use crate::clump::{Clump, STRAY_EXTENT};
-use crate::strand::{any_fibre, normal, unit};
+use crate::clump::{Clump, LEAST, MAX_DEVIATION, STRAY_EXTENT};
+use crate::strand::{MAX_DEVIATIONS, any_fibre, normal, unit};
 use glam::{DVec2, DVec3};
 use organza_basis::{PathRng, Segment, SegmentSource};
 use serde::Deserialize;
@@ -32,9 +32,6 @@ const NEAR: f64 = 1.2;
 const MAX_COVER: f64 = 0.5;
 /// Pills in a tile at most, about 400 bytes each.
 const MAX_PILLS: f64 = (1u32 << 18) as f64;
-/// The smallest pill, relative to the mean, and deviations from the mean at most.
-const LEAST: f64 = 0.2;
-const MAX_DEVIATIONS: f64 = 2.5;
 /// Families of random numbers: places, and fibres.
 const PLACES: u64 = 12 << 40;
 const FIBRES: u64 = 13 << 40;
@@ -94,7 +91,7 @@ fn check(cloth: &Cloth, spec: &PillSpec) -> Result<(), Error> {
     for (key, value, from, to) in [
         ("per_cm2", spec.per_cm2, 0.0, 1e4),
         ("size_mm[0]", mean, 0.1, 10.0),
-        ("size_mm[1]", deviation, 0.0, 10.0),
+        ("size_mm[1]", deviation, 0.0, MAX_DEVIATION * mean),
     ] {
         if !(from..=to).contains(&value) {
             let message = format!("expected a number from {from} to {to}, found {value}");
@@ -125,14 +122,7 @@ fn check(cloth: &Cloth, spec: &PillSpec) -> Result<(), Error> {
         ));
     }
     let widest = 2.0 * STRAY_EXTENT * half_widths(mean + MAX_DEVIATIONS * deviation, ELONGATION)[0];
-    let least = f64::from(size_mm.min_element());
-    if widest > least {
-        return fail(format!(
-            "expected a tile as wide as a pill, {widest:.2} mm, found {least:.2} mm; more \
-             tile.repeats make it wider"
-        ));
-    }
-    Ok(())
+    cloth.check_width(|| "wear.pills".to_owned(), "pill", widest)
 }
 
 /// Half the length, width and height of a pill of the volume of a ball.
@@ -243,6 +233,19 @@ impl Pill {
     }
 }
 
+impl ThreadAtRest {
+    /// Radius in millimetres and material of a fibre of the thread at random.
+    fn any_fibre(&self, rng: &mut PathRng) -> (f64, u16) {
+        // A thread that is a single fibre is of one part of a blend: it has that part's radius
+        // and material alone.
+        if let Centreline::Bare(curve) = &self.line {
+            return (f64::from(curve.radii_mm[0]), self.dye.main());
+        }
+        let (radius_mm, dye) = any_fibre(&self.spun.yarn, &self.dye, rng);
+        (radius_mm, dye.at(|| 1.0))
+    }
+}
+
 impl Cloth {
     /// The fibres of a pill, as the batch `batch`.
     pub(super) fn emit_pill(&self, pill: &Pill, batch: usize, emit: &mut dyn FnMut(&Segment)) {
@@ -255,7 +258,7 @@ impl Cloth {
         while wound < all {
             let root = &pill.roots[rng.below(pill.roots.len() as u32) as usize];
             let thread = &self.threads[root.thread as usize];
-            let (radius_mm, dye) = any_fibre(&thread.spun.yarn, &thread.dye, rng);
+            let (radius_mm, material) = thread.any_fibre(rng);
             let left_mm = (all - wound) / (radius_mm * radius_mm);
             let length_mm = FIBRE_MM.min(left_mm);
             let mut points = Vec::new();
@@ -269,7 +272,6 @@ impl Cloth {
                 points_mm: points.iter().map(|p| p.as_vec3()).collect(),
                 closed: false,
             };
-            let material = dye.at(|| 1.0);
             curve.for_each_segment(&mut |s| {
                 emit(&Segment {
                     yarn: batch as u32,
