@@ -51,12 +51,12 @@ pub struct PillSpec {
 pub(super) struct Pill {
     pub clump: Clump,
     /// Where its fibres come from.
-    roots: Vec<Root>,
+    anchors: Vec<Anchor>,
 }
 
 /// A place on a thread near a pill.
 #[derive(Clone, Copy, Debug)]
-struct Root {
+struct Anchor {
     thread: u32,
     at_mm: DVec3,
     along: DVec3,
@@ -80,9 +80,9 @@ pub(super) fn pills(
             place(cloth, spec, is_back, heights, &mut all);
         }
     }
-    find_roots(cloth, spec, &mut all);
+    find_anchors(cloth, spec, &mut all);
     // What lies over a hole has nothing to hang on.
-    all.retain(|pill| !pill.roots.is_empty());
+    all.retain(|pill| !pill.anchors.is_empty());
     Ok(all)
 }
 
@@ -169,13 +169,13 @@ fn place(cloth: &Cloth, spec: &PillSpec, is_back: bool, heights: &Heights, all: 
                     up * height * DVec3::Z,
                 ],
             },
-            roots: Vec::new(),
+            anchors: Vec::new(),
         });
     }
 }
 
 /// Finds the threads near each pill.
-fn find_roots(cloth: &Cloth, spec: &PillSpec, all: &mut [Pill]) {
+fn find_anchors(cloth: &Cloth, spec: &PillSpec, all: &mut [Pill]) {
     let size_mm = cloth.tile.period_mm().as_dvec2();
     let [mean, deviation] = spec.size_mm;
     let reach = NEAR * half_widths(mean + MAX_DEVIATIONS * deviation, ELONGATION)[0];
@@ -198,7 +198,7 @@ fn find_roots(cloth: &Cloth, spec: &PillSpec, all: &mut [Pill]) {
                     if away.truncate().length() > NEAR * pill.clump.half_axes_mm[0].length() {
                         continue;
                     }
-                    pill.root(Root {
+                    pill.note(Anchor {
                         thread: s.yarn,
                         at_mm: at_mm - copy,
                         along: (s.end_mm - s.start_mm).normalize_or_zero().as_dvec3(),
@@ -213,17 +213,17 @@ fn find_roots(cloth: &Cloth, spec: &PillSpec, all: &mut [Pill]) {
 impl Pill {
     /// Takes a place on a thread into account: the nearest place of each of the nearest threads
     /// is kept.
-    fn root(&mut self, root: Root) {
-        let roots = &mut self.roots;
-        match roots.iter_mut().find(|r| r.thread == root.thread) {
-            Some(known) if known.away_mm <= root.away_mm => {}
-            Some(known) => *known = root,
-            None => roots.push(root),
+    fn note(&mut self, anchor: Anchor) {
+        let anchors = &mut self.anchors;
+        match anchors.iter_mut().find(|a| a.thread == anchor.thread) {
+            Some(known) if known.away_mm <= anchor.away_mm => {}
+            Some(known) => *known = anchor,
+            None => anchors.push(anchor),
         }
-        if roots.len() > THREADS {
-            let farthest =
-                (0..roots.len()).max_by(|&a, &b| roots[a].away_mm.total_cmp(&roots[b].away_mm));
-            roots.swap_remove(farthest.unwrap_or(0));
+        if anchors.len() > THREADS {
+            let farthest = (0..anchors.len())
+                .max_by(|&a, &b| anchors[a].away_mm.total_cmp(&anchors[b].away_mm));
+            anchors.swap_remove(farthest.unwrap_or(0));
         }
     }
 
@@ -256,14 +256,14 @@ impl Cloth {
         let all = clump.fibre_mm(1.0);
         let mut fibre = 0;
         while wound < all {
-            let root = &pill.roots[rng.below(pill.roots.len() as u32) as usize];
-            let thread = &self.threads[root.thread as usize];
+            let anchor = &pill.anchors[rng.below(pill.anchors.len() as u32) as usize];
+            let thread = &self.threads[anchor.thread as usize];
             let (radius_mm, material) = thread.any_fibre(rng);
             let left_mm = (all - wound) / (radius_mm * radius_mm);
             let length_mm = FIBRE_MM.min(left_mm);
             let mut points = Vec::new();
             if unit(rng) < ANCHORED {
-                pill.anchor(root, radius_mm, &mut points, rng);
+                pill.lead(anchor, radius_mm, &mut points, rng);
             }
             clump.wind(&mut points, length_mm, radius_mm, rng);
             wound += length_mm * radius_mm * radius_mm;
@@ -288,22 +288,25 @@ impl Cloth {
 impl Pill {
     /// The way of a fibre from a thread into the lower half of the pill: it leaves along the
     /// thread and bends up.
-    fn anchor(&self, root: &Root, radius_mm: f64, points: &mut Vec<DVec3>, rng: &mut PathRng) {
+    fn lead(&self, anchor: &Anchor, radius_mm: f64, points: &mut Vec<DVec3>, rng: &mut PathRng) {
         let clump = &self.clump;
         let [a, b, c] = clump.half_axes_mm;
         let turn = DVec2::from_angle(TAU * unit(rng));
         let aside = 0.7 * unit(rng).sqrt();
         let to = clump.middle_mm + aside * (turn.x * a + turn.y * b) - 0.6 * unit(rng) * c;
         let side = if unit(rng) < 0.5 { 1.0 } else { -1.0 };
-        let reach = root.at_mm.distance(to);
-        let [leave, arrive] = [side * reach * root.along, reach * c.normalize_or(DVec3::Z)];
+        let reach = anchor.at_mm.distance(to);
+        let [leave, arrive] = [
+            side * reach * anchor.along,
+            reach * c.normalize_or(DVec3::Z),
+        ];
         let steps = (1.3 * reach / clump.step_mm(radius_mm))
             .ceil()
             .clamp(2.0, 256.0) as usize;
         points.extend((0..=steps).map(|i| {
             let t = i as f64 / steps as f64;
             let u = 1.0 - t;
-            u * u * (1.0 + 2.0 * t) * root.at_mm
+            u * u * (1.0 + 2.0 * t) * anchor.at_mm
                 + t * t * (3.0 - 2.0 * t) * to
                 + t * u * (u * leave - t * arrive)
         }));
