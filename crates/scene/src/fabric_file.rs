@@ -90,7 +90,9 @@ pub fn load_changed(
     if let (Some(synthesis), None) = (&synthesis, &file.synthesis) {
         loader.warn(path, large_design::warning(synthesis));
     }
-    if file.print.is_some() || file.wear.is_some() {
+    // Pills alone recolour nothing.
+    let is_rubbed = file.wear.as_ref().is_some_and(|w| w.amount.is_some());
+    if file.print.is_some() || is_rubbed {
         for warning in print_file::warnings(&file.optics) {
             loader.warn(path, warning);
         }

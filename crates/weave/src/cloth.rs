@@ -33,6 +33,7 @@ use crate::curve_file::PolyCurve;
 use crate::dye::Dye;
 use crate::felt::nap_mm;
 use crate::knit::Knit;
+use crate::neps;
 use crate::openings::Openings;
 use crate::path::{Hermite, Path};
 use crate::pile::Tufts;
@@ -175,9 +176,9 @@ impl Cloth {
     /// A segment with the colours of its places: first of the print, then of the wear. The fibres
     /// of pills come from where nothing was rubbed off yet.
     fn emit_recoloured(&self, segment: &Segment, emit: &mut dyn FnMut(&Segment)) {
-        let is_of_thread = (segment.yarn as usize) < self.threads.len();
+        let is_of_pill = segment.yarn as usize >= self.whole_batches();
         let mut rub = |s: &Segment| match &self.wear {
-            Some(wear) if is_of_thread => wear.rub(s, emit),
+            Some(wear) if !is_of_pill => wear.rub(s, emit),
             _ => emit(s),
         };
         match &self.print {
@@ -196,19 +197,55 @@ impl Cloth {
         self.pile.as_ref()?.tufts.as_deref()
     }
 
-    /// Finds the openings between the yarns, if any is fulled.
-    fn full(&mut self) -> Result<(), Error> {
-        let naps_mm = self.yarns.iter().map(|y| nap_mm(y));
-        let nap_mm = naps_mm.fold(0.0, f64::max);
-        if nap_mm == 0.0 {
+    /// The yarns of the threads that consist of fibres, each with the mass of its thread: all but
+    /// cut pile, nonwovens and imported fibres.
+    fn spun_yarns(&self) -> impl Iterator<Item = &Yarn> {
+        let spun = |t: &&ThreadAtRest| !matches!(t.line, Centreline::Bare(_));
+        self.threads.iter().filter(spun).map(|t| &*t.spun.yarn)
+    }
+
+    /// Refuses neps that are wider than the tile.
+    fn check_neps(&self) -> Result<(), Error> {
+        self.spun_yarns().try_for_each(|yarn| {
+            let widest_mm = 2.0 * neps::reach_mm(yarn);
+            self.check_width(|| format!("yarn.{}.neps", yarn.name), "nep", widest_mm)
+        })
+    }
+
+    /// Refuses a clump of fibres that is wider than the tile: those who look for the fibres of a
+    /// place look at its own tile and the neighbouring ones only.
+    fn check_width(
+        &self,
+        key: impl FnOnce() -> String,
+        what: &str,
+        widest_mm: f64,
+    ) -> Result<(), Error> {
+        let least_mm = f64::from(self.tile.period_mm().min_element());
+        if !self.tile.repeats || widest_mm <= least_mm {
             return Ok(());
         }
+        let remedy = match self.web {
+            Some(_) => "a larger nonwoven.tile_mm makes",
+            None => "more tile.repeats make",
+        };
+        let message = format!(
+            "expected a tile as wide as a {what}, {widest_mm:.2} mm, found {least_mm:.2} mm; \
+             {remedy} it wider"
+        );
+        Err(Error::spec(key(), message))
+    }
+
+    /// Finds the openings between the yarns, if any is fulled.
+    fn full(&mut self) -> Result<(), Error> {
+        let Some(fulled) = self.spun_yarns().find(|y| y.fulling > 0.0) else {
+            return Ok(());
+        };
         if !self.tile.repeats {
-            let fulled = self.yarns.iter().find(|y| y.fulling > 0.0);
-            let name = fulled.map_or("", |y| &y.name);
+            let key = format!("yarn.{}.fulling", fulled.name);
             let message = "expected a cloth that repeats, as weaves and knits do";
-            return Err(Error::spec(format!("yarn.{name}.fulling"), message));
+            return Err(Error::spec(key, message));
         }
+        let nap_mm = self.spun_yarns().map(nap_mm).fold(0.0, f64::max);
         let openings = Openings::new(self.tile, &|visit| {
             for (batch, thread) in self.threads.iter().enumerate() {
                 let path = self.path(thread, CurveLevel::Yarn);

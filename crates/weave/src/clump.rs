@@ -1,9 +1,10 @@
 //! Fibres entangled in a ball: neps in yarns, pills on worn cloth.
 //!
-//! Every fibre of a clump is a smooth random curve, as of [`crate::protruding`], that turns back
+//! Every fibre of a clump is a smooth random curve, as of [`crate::random_curve`], that turns back
 //! before it would leave an ellipsoid of its own, smaller than that of the clump and anywhere in
 //! it: clumps of few fibres are lumpy. Some of the ends stand out.
 
+use crate::random_curve::RandomCurve;
 use crate::strand::unit;
 use glam::DVec3;
 use organza_basis::PathRng;
@@ -12,6 +13,11 @@ use std::f64::consts::PI;
 /// Share of the ellipsoid that is fibre (estimated). Sixteen fibres, the typical number in a nep
 /// of cotton [ITC2007], of 28 mm and a radius of 6 um fill as much of a ball of 0.8 mm.
 pub(crate) const FILL: f64 = 0.2;
+/// The largest standard deviation of sizes, relative to their mean: beyond it so many sizes are
+/// raised to [`LEAST`] that clumps hold more fibre than mean and deviation say.
+pub(crate) const MAX_DEVIATION: f64 = 0.5;
+/// The smallest clump, relative to the mean.
+pub(crate) const LEAST: f64 = 0.2;
 /// Radius to which fibres curl, root mean square, relative to the shortest half axis.
 const CURL: f64 = 0.55;
 /// Share of its own extent beyond which a fibre turns back, and how sharply, relative to its curl.
@@ -115,20 +121,14 @@ impl Clump {
             true => (STRAY_CURLS * curl * unit(rng)).min(0.5 * length_mm),
             false => 0.0,
         };
-        // The two components across the curve together have the root mean square 1 / curl, and
-        // the curvature forgets itself over half a radius of curl.
-        let kept = (-2.0 * step / curl).exp();
-        let kick = (1.0 - kept * kept).sqrt() / (2f64.sqrt() * curl);
-        let mut curvature = DVec3::ZERO;
+        let mut random = RandomCurve::new(curl, step);
         let mut wound_mm = 0.0;
         let most = (MAX_DETOUR * length_mm / step).ceil() as usize;
         for _ in 0..most {
             if wound_mm >= length_mm {
                 break;
             }
-            let [a, b] = [rng.normal2(), rng.normal2()];
-            let random = DVec3::new(f64::from(a.x), f64::from(a.y), f64::from(b.x));
-            curvature = kept * curvature + kick * random;
+            let mut bend = random.bend(rng);
             let is_held = wound_mm < length_mm - stray_mm;
             let share = own.share(at);
             let beyond = match is_held {
@@ -137,9 +137,8 @@ impl Clump {
             };
             let axes = own.half_axes_mm.map(|a| a / a.length_squared());
             let outward = share.x * axes[0] + share.y * axes[1] + share.z * axes[2];
-            let bend = curvature - LEAD / curl * beyond * outward.normalize_or_zero();
-            let turned = heading + step * (bend - bend.dot(heading) * heading);
-            heading = turned.normalize_or(heading);
+            bend -= LEAD / curl * beyond * outward.normalize_or_zero();
+            heading = random.turned(heading, bend);
             let mut next = at + step * heading;
             // What began outside of its own part comes nearer.
             let limit = share.length().max(1.0);

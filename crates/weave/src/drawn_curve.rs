@@ -62,8 +62,8 @@ impl Strand<'_> {
         self.emit_curve(fibre, steps, point, look, emit)
     }
 
-    /// A curve through given points, two at least; its ends are continued by reflection. Returns the
-    /// number after the last.
+    /// A curve through given points; its ends are continued by reflection. Fewer than two points are
+    /// no curve, and take no number. Returns the number after the last.
     pub fn emit_points(
         &self,
         fibre: u32,
@@ -71,6 +71,9 @@ impl Strand<'_> {
         look: impl Fn(isize) -> Look,
         emit: &mut dyn FnMut(&Segment),
     ) -> u32 {
+        if points.len() < 2 {
+            return fibre;
+        }
         let last = points.len() - 1;
         let point = |i: isize| {
             let at = match usize::try_from(i) {

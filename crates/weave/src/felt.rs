@@ -8,6 +8,7 @@
 
 use crate::drawn_curve::Look;
 use crate::openings::Openings;
+use crate::random_curve::RandomCurve;
 use crate::strand::{FIBRE_LENGTH_MM, Strand, thickest_fibre_mm, unit};
 use crate::yarn::Yarn;
 use glam::DVec3;
@@ -186,13 +187,9 @@ impl Strand<'_> {
         let [low, high] = openings.faces_mm;
         let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
         let nap = NAP * yarn_mm;
-        // The two components across the curve together have the root mean square 1 / curl, and
-        // the curvature forgets itself over half a radius of curl.
-        let kept = (-2.0 * step_mm / CURL_MM).exp();
-        let kick = (1.0 - kept * kept).sqrt() / (2f64.sqrt() * CURL_MM);
+        let mut random = RandomCurve::new(CURL_MM, step_mm);
         let lead = LEAD / CURL_MM.min(yarn_mm);
         let (mut at, mut heading) = (taken.at_mm, taken.along);
-        let mut curvature = DVec3::ZERO;
         let mut curve = Vec::with_capacity(steps as usize + 1);
         curve.push(at);
         let mut left_mm = taken.length_mm;
@@ -200,18 +197,15 @@ impl Strand<'_> {
             if left_mm <= 0.0 {
                 break;
             }
-            let [a, b] = [rng.normal2(), rng.normal2()];
-            let random = DVec3::new(f64::from(a.x), f64::from(a.y), f64::from(b.x));
-            curvature = kept * curvature + kick * random;
+            let mut bend = random.bend(rng);
             let (radii, slope) = openings.at(at);
             let inside = (1.0 - radii / CLEAR).max(0.0);
             let from_middle = (at.z - middle) / half;
             let beyond = ((from_middle.abs() - 1.0) * half / nap).clamp(0.0, 1.0);
             let up = from_middle.signum() * DVec3::Z;
-            let mut bend = curvature + lead * inside.sqrt() * slope.normalize_or_zero();
+            bend += lead * inside.sqrt() * slope.normalize_or_zero();
             bend -= DRAW / CURL_MM * from_middle * DVec3::Z + lead * beyond * up;
-            let turned = heading + step_mm * (bend - bend.dot(heading) * heading);
-            heading = turned.normalize_or(heading);
+            heading = random.turned(heading, bend);
             let mut next = at + step_mm.min(left_mm) * heading;
             next.z = next.z.clamp(low - nap, high + nap);
             left_mm -= at.distance(next);

@@ -63,6 +63,7 @@ mod pile;
 pub mod preset;
 mod protruding;
 mod push_apart;
+mod random_curve;
 mod relax;
 mod runs;
 mod section;

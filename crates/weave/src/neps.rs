@@ -4,11 +4,11 @@
 //! held by the yarn and part stands out. Some of their fibres go on into the yarn, along its
 //! twist. They come on top of the yarn's own fibres.
 
-use crate::clump::{Clump, FILL, STRAY_EXTENT};
+use crate::clump::{Clump, FILL, LEAST, STRAY_EXTENT};
 use crate::drawn_curve::Look;
 use crate::protruding::Root;
 use crate::spec::NepSpec;
-use crate::strand::{FIBRE_LENGTH_MM, Strand, any_fibre, normal, unit};
+use crate::strand::{FIBRE_LENGTH_MM, MAX_DEVIATIONS, Strand, any_fibre, normal, unit};
 use crate::yarn::Yarn;
 use glam::{DVec2, DVec3};
 use organza_basis::{PathRng, Segment};
@@ -21,12 +21,8 @@ const ELONGATION: f64 = 1.6;
 const PLACES: [f64; 2] = [0.3, 0.9];
 /// Share of the fibres that go on into the yarn (estimated).
 const HELD: f64 = 0.3;
-/// The smallest nep, relative to the mean.
-const LEAST: f64 = 0.2;
-/// Deviations from the mean size at most.
-const MAX_DEVIATIONS: f64 = 2.5;
 /// Family of random numbers: that of the places, and one more for each nep.
-const NEP: u64 = 11 << 40;
+pub(crate) const NEP: u64 = 11 << 40;
 
 /// A nep in its place.
 #[derive(Clone, Copy, Debug)]
@@ -61,20 +57,23 @@ fn half_axes(size_mm: f64) -> [f64; 2] {
 impl Strand<'_> {
     /// The neps along the period.
     pub fn neps(&self) -> impl Iterator<Item = Nep> {
+        self.yarn.neps.iter().flat_map(|n| self.neps_of(n))
+    }
+
+    fn neps_of(&self, spec: &NepSpec) -> impl Iterator<Item = Nep> {
         let mut rng = self.rng(NEP);
-        let spec = self.yarn.neps.as_ref();
-        let distance_mm = spec.map_or(f64::INFINITY, |n| 1e3 / n.per_m);
-        let size = spec.map_or([0.0; 2], |n| n.size_mm);
+        let (distance_mm, size) = (1e3 / spec.per_m, spec.size_mm);
         let mut arc_mm = 0.0;
         std::iter::from_fn(move || {
             arc_mm += distance_mm * f64::from(rng.exponential());
-            if arc_mm >= self.path.length_mm() {
-                return None;
-            }
-            let size_mm = normal(&mut rng, size, 1.0).max(LEAST * size[0]);
-            let away = PLACES[0] + (PLACES[1] - PLACES[0]) * unit(&mut rng);
-            let phase_rad = unit(&mut rng) * TAU;
-            Some(self.nep(arc_mm, phase_rad, away, size_mm))
+            // Of a distance that is not finite the sum may be no number, which ends them, too.
+            let is_within = arc_mm < self.path.length_mm();
+            is_within.then(|| {
+                let size_mm = normal(&mut rng, size, 1.0).max(LEAST * size[0]);
+                let away = PLACES[0] + (PLACES[1] - PLACES[0]) * unit(&mut rng);
+                let phase_rad = unit(&mut rng) * TAU;
+                self.nep(arc_mm, phase_rad, away, size_mm)
+            })
         })
     }
 

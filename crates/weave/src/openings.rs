@@ -3,6 +3,7 @@
 use crate::strand::Strand;
 use glam::{DVec2, DVec3};
 use organza_basis::Tile;
+use std::ops::RangeInclusive;
 
 /// Distances are known up to so many radii of a yarn; all places beyond are alike.
 const FAR: f64 = 1.8;
@@ -69,9 +70,11 @@ impl Openings {
             let high = corner(ends[0].max(ends[1]) + reach).floor();
             let [nx, ny, nz] = self.counts.map(|n| n as i64);
             let line = ends[1] - ends[0];
+            let [xs, ys] = [(low.x, high.x, nx), (low.y, high.y, ny)]
+                .map(|(low, high, count)| one_period(low as i64, high as i64, count));
             for z in (low.z as i64).max(0)..=(high.z as i64).min(nz - 1) {
-                for y in low.y as i64..=high.y as i64 {
-                    for x in low.x as i64..=high.x as i64 {
+                for y in ys.clone() {
+                    for x in xs.clone() {
                         let place = DVec3::new(x as f64, y as f64, z as f64);
                         let from = self.low_mm + place * self.cell_mm - ends[0];
                         let along = from.dot(line) / line.length_squared();
@@ -121,5 +124,29 @@ impl Openings {
             }
         }
         (value, slope / self.cell_mm)
+    }
+}
+
+/// The cells from `low` to `high`, or as many in their middle as a period has: what lies farther
+/// away are copies of the same cells, to which another copy of the piece is nearer.
+fn one_period(low: i64, high: i64, count: i64) -> RangeInclusive<i64> {
+    if high - low < count {
+        return low..=high;
+    }
+    let first = low + (high - low + 1 - count) / 2;
+    first..=first + count - 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::one_period;
+
+    #[test]
+    fn every_cell_of_a_narrow_tile_is_visited_once() {
+        assert_eq!(one_period(-2, 5, 8), -2..=5);
+        assert_eq!(one_period(-2, 5, 9), -2..=5);
+        assert_eq!(one_period(-2, 5, 4), 0..=3);
+        assert_eq!(one_period(-2, 5, 3), 0..=2);
+        assert_eq!(one_period(-2, 5, 1), 1..=1);
     }
 }

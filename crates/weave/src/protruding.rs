@@ -1,13 +1,13 @@
 //! Fibres that protrude from a yarn as smooth random curves.
 //!
-//! A fibre leaves the yarn along its twist, bends away from the surface, and curls at random:
-//! its curvature is a stationary Gaussian process with a finite correlation length, so that the
-//! curve has no kinks. The cloth's neighbourhood holds it: within `reach_mm` of the faces it
+//! A fibre leaves the yarn along its twist, bends away from the surface, and curls at random, as
+//! of [`crate::random_curve`]. The cloth's neighbourhood holds it: within `reach_mm` of the faces it
 //! bends back. Lengths are exponentially distributed, and only what lies outside the yarn
 //! counts, so that the yarn has the hairiness that was asked for.
 
 use crate::drawn_curve::Look;
 use crate::neps;
+use crate::random_curve::RandomCurve;
 use crate::spec::HairinessSpec;
 use crate::strand::{Strand, any_fibre, unit};
 use crate::yarn::Yarn;
@@ -215,25 +215,18 @@ fn grow(
 
     let mut at = curve[roots];
     let mut direction = (at - curve[roots - 1]).normalize_or(DVec3::X);
-    let mut curvature = DVec3::ZERO;
     let start = path.arc_mm.partition_point(|&a| a < arc_mm) as isize;
     let mut beside = Beside {
         strand,
         nearest: start,
     };
-    // The two components across the curve together have the root mean square 1 / curl, and the
-    // curvature forgets itself over half a radius of curl.
-    let kept = (-2.0 * step_mm / hairiness.curl_mm).exp();
-    let kick = (1.0 - kept * kept).sqrt() / (2f64.sqrt() * hairiness.curl_mm);
+    let mut random = RandomCurve::new(hairiness.curl_mm, step_mm);
     let lead = LEAD / hairiness.curl_mm.min(yarn.radius_mm());
     let lean = DVec3::new(hairiness.lean[0], hairiness.lean[1], 0.0);
     let (mut outside_mm, mut walked_mm) = (0.0, 0.0);
     while outside_mm < length_mm && walked_mm < MAX_DETOUR * length_mm {
         let (outwards, radii) = beside.follow(at);
-        let [a, b] = [rng.normal2(), rng.normal2()];
-        let random = DVec3::new(f64::from(a.x), f64::from(a.y), f64::from(b.x));
-        curvature = kept * curvature + kick * random;
-        let mut bend = curvature;
+        let mut bend = random.bend(rng);
         let is_going_back = is_returning && outside_mm > 0.5 * length_mm;
         if is_going_back {
             if radii < ROOT_DEPTH {
@@ -248,8 +241,7 @@ fn grow(
         }
         let beyond = faces.beyond(at.z);
         bend -= lead * beyond * beyond.abs() * DVec3::Z;
-        let turned = direction + step_mm * (bend - bend.dot(direction) * direction);
-        direction = turned.normalize_or(direction);
+        direction = random.turned(direction, bend);
         let mut next = at + step_mm * direction;
         next.z = faces.clamp(next.z);
         if radii > 1.0 || is_going_back {

@@ -24,7 +24,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 /// Random directions tried per fibre; the one with the most room is taken.
 const CANDIDATES: u32 = 8;
 /// Normal deviates are clamped to this magnitude, so that no hair is endless.
-const MAX_DEVIATIONS: f64 = 2.5;
+pub(crate) const MAX_DEVIATIONS: f64 = 2.5;
 /// The thinnest fibre of a yarn, relative to the mean.
 const MIN_RADIUS: f64 = 0.3;
 /// Length over which a fibre's end tapers, fibre radii (estimated).

@@ -51,7 +51,9 @@ impl Cloth {
     pub fn build(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Error> {
         let d = &fabric.draft;
         if fabric.nonwoven.is_some() {
-            return nonwoven::build(fabric, seed);
+            let mut cloth = nonwoven::build(fabric, seed)?;
+            cloth.warn_of_yarns();
+            return Ok(cloth);
         }
         let ways = [
             d.weave.is_some(),
@@ -91,6 +93,7 @@ impl Cloth {
         if let Some(spec) = &fabric.pile {
             pile::raise(&mut cloth, fabric, spec, seed)?;
         }
+        cloth.check_neps()?;
         cloth.full()?;
         cloth.warn_of_yarns();
         Ok(cloth)

@@ -82,6 +82,7 @@ impl Cloth {
                 figures.replaced_windows, figures.windows, figures.replaced_crossings
             ));
         }
+        cloth.check_neps()?;
         cloth.full()?;
         cloth.warn_of_yarns();
         for thread in &cloth.threads {

@@ -102,7 +102,7 @@ pub struct NonwovenFigures {
     pub overlap: f64,
 }
 
-/// Figures of a cloth. Hairs are left out.
+/// Figures of a cloth. Hairs, neps and pills are left out.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Figures {
     /// Size of the tile, millimetres.

@@ -12,7 +12,7 @@ use crate::path::Hermite;
 use crate::pile::{Ridge, Tuft, Tufts};
 use crate::section::ThreadSection;
 use crate::spec::{FabricGeometry, PileKind, PileSides, PileSpec};
-use crate::strand::{normal, protruding_mm, reach_mm, thickest_fibre_mm};
+use crate::strand::{MAX_DEVIATIONS, normal, protruding_mm, reach_mm, thickest_fibre_mm};
 use crate::yarn::Yarn;
 use glam::{DVec2, DVec3};
 use organza_basis::PathRng;
@@ -26,8 +26,6 @@ pub(super) use cover::loop_cover;
 const LEAN: u64 = 7 << 40;
 /// The largest number of tufts or loops in a tile.
 const MAX_TUFTS: usize = 1 << 20;
-/// Largest magnitude of a normal deviate, see [`normal`].
-const MAX_DEVIATIONS: f64 = 2.5;
 /// Share of half a ridge in which its tufts are bound; their tips fan out over all of it
 /// (estimated).
 const BOUND_SHARE: f64 = 0.7;

@@ -5,10 +5,10 @@
 //! have: pills come on top, as hairs do.
 
 use super::heights::Heights;
-use super::{Cloth, CurveLevel, PrintSide};
+use super::{Centreline, Cloth, CurveLevel, PrintSide, ThreadAtRest};
 use crate::Error;
-use crate::clump::{Clump, STRAY_EXTENT};
-use crate::strand::{any_fibre, normal, unit};
+use crate::clump::{Clump, LEAST, MAX_DEVIATION, STRAY_EXTENT};
+use crate::strand::{MAX_DEVIATIONS, any_fibre, normal, unit};
 use glam::{DVec2, DVec3};
 use organza_basis::{PathRng, Segment, SegmentSource};
 use serde::Deserialize;
@@ -32,9 +32,6 @@ const NEAR: f64 = 1.2;
 const MAX_COVER: f64 = 0.5;
 /// Pills in a tile at most, about 400 bytes each.
 const MAX_PILLS: f64 = (1u32 << 18) as f64;
-/// The smallest pill, relative to the mean, and deviations from the mean at most.
-const LEAST: f64 = 0.2;
-const MAX_DEVIATIONS: f64 = 2.5;
 /// Families of random numbers: places, and fibres.
 const PLACES: u64 = 12 << 40;
 const FIBRES: u64 = 13 << 40;
@@ -54,12 +51,12 @@ pub struct PillSpec {
 pub(super) struct Pill {
     pub clump: Clump,
     /// Where its fibres come from.
-    roots: Vec<Root>,
+    anchors: Vec<Anchor>,
 }
 
 /// A place on a thread near a pill.
 #[derive(Clone, Copy, Debug)]
-struct Root {
+struct Anchor {
     thread: u32,
     at_mm: DVec3,
     along: DVec3,
@@ -83,9 +80,9 @@ pub(super) fn pills(
             place(cloth, spec, is_back, heights, &mut all);
         }
     }
-    find_roots(cloth, spec, &mut all);
+    find_anchors(cloth, spec, &mut all);
     // What lies over a hole has nothing to hang on.
-    all.retain(|pill| !pill.roots.is_empty());
+    all.retain(|pill| !pill.anchors.is_empty());
     Ok(all)
 }
 
@@ -94,7 +91,7 @@ fn check(cloth: &Cloth, spec: &PillSpec) -> Result<(), Error> {
     for (key, value, from, to) in [
         ("per_cm2", spec.per_cm2, 0.0, 1e4),
         ("size_mm[0]", mean, 0.1, 10.0),
-        ("size_mm[1]", deviation, 0.0, 10.0),
+        ("size_mm[1]", deviation, 0.0, MAX_DEVIATION * mean),
     ] {
         if !(from..=to).contains(&value) {
             let message = format!("expected a number from {from} to {to}, found {value}");
@@ -125,14 +122,7 @@ fn check(cloth: &Cloth, spec: &PillSpec) -> Result<(), Error> {
         ));
     }
     let widest = 2.0 * STRAY_EXTENT * half_widths(mean + MAX_DEVIATIONS * deviation, ELONGATION)[0];
-    let least = f64::from(size_mm.min_element());
-    if widest > least {
-        return fail(format!(
-            "expected a tile as wide as a pill, {widest:.2} mm, found {least:.2} mm; more \
-             tile.repeats make it wider"
-        ));
-    }
-    Ok(())
+    cloth.check_width(|| "wear.pills".to_owned(), "pill", widest)
 }
 
 /// Half the length, width and height of a pill of the volume of a ball.
@@ -179,13 +169,13 @@ fn place(cloth: &Cloth, spec: &PillSpec, is_back: bool, heights: &Heights, all: 
                     up * height * DVec3::Z,
                 ],
             },
-            roots: Vec::new(),
+            anchors: Vec::new(),
         });
     }
 }
 
 /// Finds the threads near each pill.
-fn find_roots(cloth: &Cloth, spec: &PillSpec, all: &mut [Pill]) {
+fn find_anchors(cloth: &Cloth, spec: &PillSpec, all: &mut [Pill]) {
     let size_mm = cloth.tile.period_mm().as_dvec2();
     let [mean, deviation] = spec.size_mm;
     let reach = NEAR * half_widths(mean + MAX_DEVIATIONS * deviation, ELONGATION)[0];
@@ -208,7 +198,7 @@ fn find_roots(cloth: &Cloth, spec: &PillSpec, all: &mut [Pill]) {
                     if away.truncate().length() > NEAR * pill.clump.half_axes_mm[0].length() {
                         continue;
                     }
-                    pill.root(Root {
+                    pill.note(Anchor {
                         thread: s.yarn,
                         at_mm: at_mm - copy,
                         along: (s.end_mm - s.start_mm).normalize_or_zero().as_dvec3(),
@@ -223,23 +213,36 @@ fn find_roots(cloth: &Cloth, spec: &PillSpec, all: &mut [Pill]) {
 impl Pill {
     /// Takes a place on a thread into account: the nearest place of each of the nearest threads
     /// is kept.
-    fn root(&mut self, root: Root) {
-        let roots = &mut self.roots;
-        match roots.iter_mut().find(|r| r.thread == root.thread) {
-            Some(known) if known.away_mm <= root.away_mm => {}
-            Some(known) => *known = root,
-            None => roots.push(root),
+    fn note(&mut self, anchor: Anchor) {
+        let anchors = &mut self.anchors;
+        match anchors.iter_mut().find(|a| a.thread == anchor.thread) {
+            Some(known) if known.away_mm <= anchor.away_mm => {}
+            Some(known) => *known = anchor,
+            None => anchors.push(anchor),
         }
-        if roots.len() > THREADS {
-            let farthest =
-                (0..roots.len()).max_by(|&a, &b| roots[a].away_mm.total_cmp(&roots[b].away_mm));
-            roots.swap_remove(farthest.unwrap_or(0));
+        if anchors.len() > THREADS {
+            let farthest = (0..anchors.len())
+                .max_by(|&a, &b| anchors[a].away_mm.total_cmp(&anchors[b].away_mm));
+            anchors.swap_remove(farthest.unwrap_or(0));
         }
     }
 
     /// Where it ends, outwards, on the face or on the back.
     pub fn top_mm(&self) -> f64 {
         self.clump.middle_mm.z + STRAY_EXTENT * self.clump.half_axes_mm[2].z
+    }
+}
+
+impl ThreadAtRest {
+    /// Radius in millimetres and material of a fibre of the thread at random.
+    fn any_fibre(&self, rng: &mut PathRng) -> (f64, u16) {
+        // A thread that is a single fibre is of one part of a blend: it has that part's radius
+        // and material alone.
+        if let Centreline::Bare(curve) = &self.line {
+            return (f64::from(curve.radii_mm[0]), self.dye.main());
+        }
+        let (radius_mm, dye) = any_fibre(&self.spun.yarn, &self.dye, rng);
+        (radius_mm, dye.at(|| 1.0))
     }
 }
 
@@ -253,14 +256,14 @@ impl Cloth {
         let all = clump.fibre_mm(1.0);
         let mut fibre = 0;
         while wound < all {
-            let root = &pill.roots[rng.below(pill.roots.len() as u32) as usize];
-            let thread = &self.threads[root.thread as usize];
-            let (radius_mm, dye) = any_fibre(&thread.spun.yarn, &thread.dye, rng);
+            let anchor = &pill.anchors[rng.below(pill.anchors.len() as u32) as usize];
+            let thread = &self.threads[anchor.thread as usize];
+            let (radius_mm, material) = thread.any_fibre(rng);
             let left_mm = (all - wound) / (radius_mm * radius_mm);
             let length_mm = FIBRE_MM.min(left_mm);
             let mut points = Vec::new();
             if unit(rng) < ANCHORED {
-                pill.anchor(root, radius_mm, &mut points, rng);
+                pill.lead(anchor, radius_mm, &mut points, rng);
             }
             clump.wind(&mut points, length_mm, radius_mm, rng);
             wound += length_mm * radius_mm * radius_mm;
@@ -269,7 +272,6 @@ impl Cloth {
                 points_mm: points.iter().map(|p| p.as_vec3()).collect(),
                 closed: false,
             };
-            let material = dye.at(|| 1.0);
             curve.for_each_segment(&mut |s| {
                 emit(&Segment {
                     yarn: batch as u32,
@@ -286,22 +288,25 @@ impl Cloth {
 impl Pill {
     /// The way of a fibre from a thread into the lower half of the pill: it leaves along the
     /// thread and bends up.
-    fn anchor(&self, root: &Root, radius_mm: f64, points: &mut Vec<DVec3>, rng: &mut PathRng) {
+    fn lead(&self, anchor: &Anchor, radius_mm: f64, points: &mut Vec<DVec3>, rng: &mut PathRng) {
         let clump = &self.clump;
         let [a, b, c] = clump.half_axes_mm;
         let turn = DVec2::from_angle(TAU * unit(rng));
         let aside = 0.7 * unit(rng).sqrt();
         let to = clump.middle_mm + aside * (turn.x * a + turn.y * b) - 0.6 * unit(rng) * c;
         let side = if unit(rng) < 0.5 { 1.0 } else { -1.0 };
-        let reach = root.at_mm.distance(to);
-        let [leave, arrive] = [side * reach * root.along, reach * c.normalize_or(DVec3::Z)];
+        let reach = anchor.at_mm.distance(to);
+        let [leave, arrive] = [
+            side * reach * anchor.along,
+            reach * c.normalize_or(DVec3::Z),
+        ];
         let steps = (1.3 * reach / clump.step_mm(radius_mm))
             .ceil()
             .clamp(2.0, 256.0) as usize;
         points.extend((0..=steps).map(|i| {
             let t = i as f64 / steps as f64;
             let u = 1.0 - t;
-            u * u * (1.0 + 2.0 * t) * root.at_mm
+            u * u * (1.0 + 2.0 * t) * anchor.at_mm
                 + t * t * (3.0 - 2.0 * t) * to
                 + t * u * (u * leave - t * arrive)
         }));

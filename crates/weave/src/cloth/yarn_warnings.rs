@@ -12,8 +12,9 @@ const TWIST_WARNING: f64 = 0.06;
 
 impl Cloth {
     /// Warns of twist that changes so that the tile closes, and of yarns with too
-    /// many fibres to be pushed apart.
+    /// many fibres to be pushed apart, and of keys without effect.
     pub(super) fn warn_of_yarns(&mut self) {
+        self.warn_of_single_fibres();
         let mut is_checked = vec![false; self.yarns.len()];
         for (batch, thread) in self.threads.iter().enumerate() {
             if std::mem::replace(&mut is_checked[thread.yarn], true) {
@@ -66,6 +67,28 @@ impl Cloth {
                 }
             }
         }
+    }
+}
+
+impl Cloth {
+    /// Warns of neps and fulling of yarns whose fibres are laid singly.
+    fn warn_of_single_fibres(&mut self) {
+        let is_spun = |yarn: &Yarn| self.spun_yarns().any(|s| s.name == yarn.name);
+        let mut warnings = Vec::new();
+        for yarn in self.yarns.iter().filter(|y| !is_spun(y)) {
+            let keys = [
+                ("neps", yarn.neps.is_some()),
+                ("fulling", yarn.fulling > 0.0),
+            ];
+            for (key, _) in keys.iter().filter(|k| k.1) {
+                warnings.push(format!(
+                    "yarn.{}.{key} has no effect: cut pile, nonwovens and imported fibres do not \
+                     consist of yarn",
+                    yarn.name
+                ));
+            }
+        }
+        self.warnings.extend(warnings);
     }
 }
 

@@ -5,6 +5,7 @@ use super::*;
 use crate::clump::STRAY_EXTENT;
 use crate::neps::Nep;
 use crate::spec::NepSpec;
+use organza_basis::PathRng;
 
 const GOLD: Rgb = Rgb::new(0.6, 0.4, 0.05);
 const RED: Rgb = Rgb::new(0.5, 0.05, 0.05);
@@ -165,7 +166,7 @@ fn neps_are_small_coloured_and_half_out() {
 /// Neps come on top of what the yarn was without them, and need no colours.
 #[test]
 fn neps_change_nothing_else() {
-    let [without, with] = [None, Some(spec(400.0, [0.5, 0.1]))].map(|n| with_neps(1, n, 7));
+    let [without, with] = [None, Some(spec(400.0, [0.5, 0.1]))].map(|n| with_neps(2, n, 7));
     let mut more = 0;
     for batch in 0..without.batch_count() {
         let list = |cloth: &Cloth| {
@@ -186,7 +187,47 @@ fn neps_change_nothing_else() {
         colours: Vec::new(),
         ..spec(400.0, [0.5, 0.1])
     };
-    assert!(fibres(&with_neps(1, Some(own), 7)).is_empty());
+    assert!(fibres(&with_neps(2, Some(own), 7)).is_empty());
+}
+
+/// The first distance of this seed is zero, which times any other is no end.
+#[test]
+fn a_yarn_without_neps_has_none() {
+    const SEED: u64 = 1_061_773;
+    let mut cloth = with_neps(1, None, 7);
+    cloth.seed = SEED;
+    let mut rng = PathRng::new(SEED, 0, neps::NEP);
+    assert_eq!(rng.exponential(), 0.0, "seed {SEED}");
+    assert_eq!(neps(&cloth).0.len(), 0);
+}
+
+/// Neps of a yarn of which only cut pile is made.
+#[test]
+fn neps_of_cut_pile_and_nonwovens_are_warned_of() {
+    let pile = "[draft]\nweave = 'plain'\n[warp]\nyarn = 'cotton'\nper_cm = 20\n[weft]\nyarn = \
+                'cotton'\nper_cm = 18\n[tile]\nrepeats = [2, 2]\n[pile]\nkind = 'cut'\nyarn = \
+                'fluffy'\nheight_mm = 1.5\nevery = [2, 2]\n";
+    let web = "[nonwoven]\nfibre = 'fluffy'\nareal_density_g_per_m2 = 60\nthickness_mm = 0.5\n\
+               length_mm = 20\ntile_mm = [1.0, 1.0]\n";
+    let keys = "[yarn.fluffy]\npreset = 'wool'\nfulling = 0.5\nneps = { per_m = 40, size_mm = [0.5, \
+                0.1] }\n";
+    for fabric in [pile, web] {
+        let cloth = build(&toml::from_str(&format!("{fabric}{keys}")).unwrap());
+        for key in ["neps", "fulling"] {
+            let words = format!("yarn.fluffy.{key} has no effect");
+            let found = cloth.warnings().iter().filter(|w| w.contains(&words));
+            assert_eq!(found.count(), 1, "{:?}", cloth.warnings());
+        }
+        assert!(cloth.openings.is_none());
+    }
+    // The twin: threads of the yarn.
+    let both = pile.replace(
+        "yarn = 'cotton'\nper_cm = 18",
+        "yarn = 'fluffy'\nper_cm = 8",
+    );
+    let cloth = build(&toml::from_str(&format!("{both}{keys}")).unwrap());
+    let warned = cloth.warnings().iter().any(|w| w.contains("has no effect"));
+    assert!(!warned && cloth.openings.is_some());
 }
 
 #[test]
@@ -202,7 +243,15 @@ fn neps_that_cannot_be_are_refused() {
     for (spec, words) in [
         (spec(-1.0, [0.5, 0.1]), "neps.per_m: expected a number from"),
         (spec(9.0, [50.0, 0.1]), "neps.size_mm[0]: expected a number"),
+        (
+            spec(9.0, [0.5, 0.3]),
+            "neps.size_mm[1]: expected a number from 0 to 0.25, found 0.3",
+        ),
         (spec(900.0, [2.0, 0.1]), "would weigh"),
+        (
+            spec(1.0, [0.8, 0.1]),
+            "neps: expected a tile as wide as a nep, 2.15 mm, found",
+        ),
         (
             NepSpec {
                 colours: vec![Rgb::new(2.0, 0.0, 0.0)],

@@ -132,6 +132,27 @@ fn pills_are_balls_of_the_fibres_of_their_yarns() {
     assert_eq!(cloth.plies().unfit(), Some("pills"));
 }
 
+/// Every fibre of a pill has the radius of the part of the blend whose material it has.
+#[test]
+fn pills_of_a_nonwoven_are_of_the_parts_of_its_blend() {
+    let text = "[nonwoven]\nfibre = 'felt'\nareal_density_g_per_m2 = 60\nthickness_mm = 0.5\n\
+                length_mm = 20\ntile_mm = [3.0, 3.0]\n[yarn.felt]\npreset = 'wool'\ntex = 60\nblend \
+                = [\n{ mass_share = 70, fibre = 'wool' },\n{ mass_share = 30, fibre = 'nylon', \
+                fibre_radius_um = 7.5 },\n]\n";
+    let mut cloth = build(&toml::from_str(text).unwrap());
+    cloth.wear(&spec(20.0, [0.5, 0.1])).unwrap();
+    assert!(!cloth.pills.is_empty());
+    let mut counts = [0; 2];
+    for batch in cloth.whole_batches()..cloth.batch_count() {
+        cloth.for_each_in_batch(batch, &mut |s| {
+            let material = &cloth.materials()[usize::from(s.material)];
+            assert_eq!(s.start_radius_mm, material.fibre_radius_mm);
+            counts[usize::from(material.fibre.as_deref() == Some("nylon"))] += 1;
+        });
+    }
+    assert!(counts.iter().all(|n| *n > 100), "{counts:?}");
+}
+
 #[test]
 fn pills_lie_on_the_side_that_is_worn() {
     for (side, has_face, has_back) in [
@@ -179,6 +200,11 @@ fn pills_that_cannot_be_are_refused() {
     assert!(
         many.contains("wear.pills.per_cm2: expected a number"),
         "{many}"
+    );
+    let uneven = refused(8, spec(1.0, [1.0, 0.6]));
+    assert!(
+        uneven.contains("wear.pills.size_mm[1]: expected a number from 0 to 0.5, found 0.6"),
+        "{uneven}"
     );
     let none = refused(
         1,

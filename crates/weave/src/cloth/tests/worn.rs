@@ -68,6 +68,37 @@ fn crowns_lose_their_dye() {
     assert!(back.iter().any(|p| p.0 > 0.85));
 }
 
+/// Cut pile loses its dye by height, as threads do.
+#[test]
+fn cut_pile_is_rubbed() {
+    let mut fabric = fabric("plain");
+    let pile = "kind = 'cut'\nyarn = 'rayon'\nheight_mm = 1.5\nevery = [2, 2]\ncolours = [[0.1, 0.1, \
+                0.1]]";
+    fabric.pile = Some(toml::from_str(pile).unwrap());
+    fabric.tile.repeats = [4, 4];
+    let mut cloth = build(&fabric);
+    cloth.wear(&spec()).unwrap();
+    let tufts = cloth.threads.len()..cloth.batch_count();
+    assert!(!tufts.is_empty());
+    let (mut pale, mut dark) = (Vec::new(), Vec::new());
+    for batch in tufts {
+        cloth.for_each_in_batch(batch, &mut |s| {
+            let colour = cloth.materials()[usize::from(s.material)].colour.unwrap();
+            let height = 0.5 * (s.start_mm + s.end_mm).z;
+            if colour.0.x > 0.85 {
+                pale.push(height);
+            } else if colour.0.x < 0.11 {
+                dark.push(height);
+            }
+        });
+    }
+    let counts = [pale.len(), dark.len()];
+    assert!(counts.iter().all(|n| *n > 100), "{counts:?}");
+    let lowest_pale = pale.into_iter().fold(f32::INFINITY, f32::min);
+    let highest_dark = dark.into_iter().fold(f32::NEG_INFINITY, f32::max);
+    assert!(lowest_pale > highest_dark, "{lowest_pale} {highest_dark}");
+}
+
 #[test]
 fn wear_that_is_none_is_refused() {
     let refused = |spec: WearSpec| {

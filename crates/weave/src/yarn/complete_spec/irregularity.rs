@@ -2,6 +2,7 @@
 
 use super::CompleteSpec;
 use crate::Error;
+use crate::clump;
 use crate::error::did_you_mean;
 use crate::neps;
 use crate::spec::YarnSpec;
@@ -94,8 +95,10 @@ impl CompleteSpec<'_> {
             return Ok(None);
         };
         self.number("neps.per_m", Some(n.per_m), 0.0, 1e4)?;
-        self.number("neps.size_mm[0]", Some(n.size_mm[0]), 0.05, 10.0)?;
-        self.number("neps.size_mm[1]", Some(n.size_mm[1]), 0.0, 10.0)?;
+        let [mean, deviation] = n.size_mm;
+        self.number("neps.size_mm[0]", Some(mean), 0.05, 10.0)?;
+        let most = clump::MAX_DEVIATION * mean;
+        self.number("neps.size_mm[1]", Some(deviation), 0.0, most)?;
         for (i, colour) in n.colours.iter().enumerate() {
             self.colour(&format!("neps.colours[{i}]"), *colour)?;
         }
