@@ -34,7 +34,7 @@ pub struct LightSample {
     pub pdf: f32,
 }
 
-/// A light as the kernel sees it, which supports a few shapes of light.
+/// A light as the kernel sees it: those that it draws in lanes, and all others.
 #[derive(Clone, Copy, Debug)]
 pub enum KernelLight<'a> {
     /// Parallel light.

@@ -4,7 +4,7 @@
 use crate::fibre_frame::{FibreAngles, FibreFrame};
 use crate::lobe::{Lobe, LobeSample};
 use crate::longitudinal::{Balance, Balanced, Blur, Inclinations};
-use crate::near::event::{NearEvent as Event, Scattered, pick};
+use crate::near::event::{Event, Scattered, drawing_cosine, pick};
 use crate::near::parts::NearParts;
 use crate::near::{LOBES, Optics};
 use glam::{Vec3, Vec4};
@@ -82,16 +82,6 @@ impl Fibre {
             .get_or_init(|| Optics::of_parts(&[self.near_parts()]))
     }
 
-    /// Cosine of the inclination at which lobes are drawn: that of `w_out`, kept
-    /// as far from zero as blur moves the mean inclination. Exactly along the
-    /// fibre a smooth one only reflects, while a rough one also transmits.
-    fn drawing_cosine(&self, frame: &FibreFrame) -> f32 {
-        let blur = self.blurs()[0].deviation_rad;
-        (frame.cos_out * frame.cos_out + 0.25 * blur * blur)
-            .min(1.0)
-            .sqrt()
-    }
-
     /// Draws the inclination of what lobe `p` scatters; the azimuth is left open.
     fn inclination_sample(&self, frame: &FibreFrame, p: usize, rng: &mut PathRng) -> FibreAngles {
         let out = [frame.sin_out, frame.cos_out];
@@ -160,7 +150,7 @@ impl FarField<'_> {
 
     fn event(&self, w_out: Vec3) -> FarEvent {
         let frame = FibreFrame::new(self.tangent, w_out);
-        let cos = self.fibre.drawing_cosine(&frame);
+        let cos = drawing_cosine(frame.cos_out, self.fibre.blurs()[0].deviation_rad);
         let lobes = self.fibre.far_lobes(cos);
         let out = self.fibre.balance().at(frame.cos_out);
         let shares = shares(lobes, &out);

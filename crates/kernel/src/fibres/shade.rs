@@ -25,7 +25,7 @@ use organza_film::{FirstEvent, SiteInfo, Stats};
 use organza_lanes::math::{LaneRng, V3};
 use organza_lanes::{Floats, Ints, Mask, SetBits};
 use organza_light::{KernelLight, Light, LightSearch};
-use organza_scatter::near::NearEvent;
+use organza_scatter::near::Event;
 use organza_scatter::near::event::Scattered;
 
 /// A shadow ray is traced surely when the light scattered toward the camera is at
@@ -119,7 +119,7 @@ pub fn shade<F: Floats>(
         &mut rng,
     );
     let material = optics.materials::<F>(material);
-    let event = NearEvent::new(optics, material, (there.frame, there.offset), mask);
+    let event = Event::new(optics, material, (there.frame, there.offset), mask);
     let tangent = there.frame.tangent;
     let mut radius_mm = there.out_mm.dot(there.out_mm).sqrt();
     if shading
@@ -257,7 +257,7 @@ pub fn shade<F: Floats>(
 /// Where light leaves a fibre, from the centre of the cell.
 #[inline(always)]
 fn start<F: Floats>(
-    event: &NearEvent<F>,
+    event: &Event<F>,
     toward: &Scattered<F>,
     (axis_at, radius_mm): (V3<F>, F),
     units: [F; 2],

@@ -56,7 +56,7 @@ impl Walk<'_> {
                 .filter(|_| self.matter.is_plain() && self.cache.places.is_none()),
             cache: self.cache,
         };
-        let has_panels = self.lights.iter().any(has_place);
+        let has_places = self.lights.iter().any(has_place);
         for slot in 0..WAVE {
             self.begin(&mut paths, slot, work, &mut stats);
         }
@@ -66,7 +66,7 @@ impl Walk<'_> {
             let waits = shadows.has_packed();
             for slot in 0..WAVE {
                 if !waits {
-                    self.pass_on(&mut paths, slot, has_panels, work, &mut stats);
+                    self.pass_on(&mut paths, slot, has_places, work, &mut stats);
                 }
                 if paths.state[slot] != State::Flying {
                     continue;
@@ -86,15 +86,15 @@ impl Walk<'_> {
                 }
                 if waits {
                     // Light has been added to the paths that have come to their ends.
-                    self.end_all(&mut paths, &mut active, has_panels, work, &mut stats);
+                    self.end_all(&mut paths, &mut active, has_places, work, &mut stats);
                 }
             }
-            self.fly::<F>(&mut paths, &mut active, has_panels, work, &mut stats);
-            if has_panels {
+            self.fly::<F>(&mut paths, &mut active, has_places, work, &mut stats);
+            if has_places {
                 for slot in 0..WAVE {
                     let is_new = !paths.branches.resumed[slot];
                     if is_new && matches!(paths.state[slot], State::Met | State::MetPlane) {
-                        self.pass_panels(&mut paths, slot);
+                        self.pass_lights(&mut paths, slot);
                     }
                 }
             }
@@ -135,7 +135,7 @@ impl Walk<'_> {
         &self,
         paths: &mut Paths,
         active: &mut Vec<u16>,
-        has_panels: bool,
+        has_places: bool,
         work: &mut dyn Work,
         stats: &mut Stats,
     ) {
@@ -159,7 +159,7 @@ impl Walk<'_> {
                     Visit::Met(hit) if !paths.trips.is_empty() => {
                         paths.trips[slot].put(&hit);
                         go_on(matter, paths, slot);
-                        self.pass_on(paths, slot, has_panels, work, stats);
+                        self.pass_on(paths, slot, has_places, work, stats);
                     }
                     Visit::Met(hit) => {
                         matter.joints.prefetch(hit.piece);
@@ -172,7 +172,7 @@ impl Walk<'_> {
                         } else {
                             go_on(matter, paths, slot);
                         }
-                        self.pass_on(paths, slot, has_panels, work, stats);
+                        self.pass_on(paths, slot, has_places, work, stats);
                     }
                 }
                 if paths.state[slot] == State::Flying {
@@ -239,7 +239,7 @@ impl Walk<'_> {
         &self,
         paths: &mut Paths,
         active: &mut Vec<u16>,
-        has_panels: bool,
+        has_places: bool,
         work: &mut dyn Work,
         stats: &mut Stats,
     ) {
@@ -249,7 +249,7 @@ impl Walk<'_> {
                 State::Left => {}
                 _ => continue,
             }
-            self.pass_on(paths, slot, has_panels, work, stats);
+            self.pass_on(paths, slot, has_places, work, stats);
             if paths.state[slot] == State::Flying && !paths.in_volume[slot] {
                 active.push(slot as u16);
             }
@@ -262,13 +262,13 @@ impl Walk<'_> {
         &self,
         paths: &mut Paths,
         slot: usize,
-        has_panels: bool,
+        has_places: bool,
         work: &mut dyn Work,
         stats: &mut Stats,
     ) {
         while paths.state[slot] == State::Left {
-            if has_panels {
-                self.pass_panels(paths, slot);
+            if has_places {
+                self.pass_lights(paths, slot);
             }
             self.escape(paths, slot);
             self.end(paths, slot, work, true, stats);
@@ -369,8 +369,8 @@ impl Walk<'_> {
         add(paths, slot, seen);
     }
 
-    /// What a path sees of panels on its way.
-    fn pass_panels(&self, paths: &mut Paths, slot: usize) {
+    /// What a path sees of lights with a place on its way.
+    fn pass_lights(&self, paths: &mut Paths, slot: usize) {
         let direction = get(&paths.direction, slot);
         let reach = match paths.state[slot] {
             State::Met | State::MetPlane => {

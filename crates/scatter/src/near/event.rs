@@ -20,7 +20,7 @@ const MAX_TRIES: u32 = 2048;
 
 /// An event in every lane.
 #[derive(Clone, Copy)]
-pub struct NearEvent<F: Floats> {
+pub struct Event<F: Floats> {
     /// Of the fibre and the walk.
     pub frame: Frame<F>,
     /// Where across the fibre's width it was met, in `[-1, 1]`.
@@ -63,7 +63,7 @@ pub struct Turn<F: Floats> {
     pub scattered: Scattered<F>,
 }
 
-impl<F: Floats> NearEvent<F> {
+impl<F: Floats> Event<F> {
     /// The event of lanes of a mask, with fibres that were met at an offset.
     #[inline(always)]
     pub fn new(
@@ -74,13 +74,8 @@ impl<F: Floats> NearEvent<F> {
     ) -> Self {
         let one = F::splat(1.0);
         let cos_out = frame.cos_out;
-        // Kept as far from zero as blur moves the mean inclination: exactly along the fibre a
-        // smooth one only reflects, while a rough one also transmits.
-        let blur = material.blurs[0];
-        let drawing = (cos_out.mul_add(cos_out, blur * blur * F::splat(0.25)))
-            .min(one)
-            .sqrt();
-        let mut event = NearEvent {
+        let drawing = drawing_cosine(cos_out, material.blurs[0]);
+        let mut event = Event {
             frame,
             offset,
             gamma_i: incidence(offset),
@@ -365,6 +360,15 @@ impl<F: Floats> NearEvent<F> {
         let (s, c) = sin_cos(wrap(toward.angles.azimuth + aside));
         self.frame.across([s, c])
     }
+}
+
+/// Cosine of the inclination at which lobes are drawn: that of the way, kept as far from zero as
+/// the blur of R moves the mean inclination. Exactly along the fibre a smooth one only reflects,
+/// while a rough one also transmits.
+#[inline(always)]
+pub(crate) fn drawing_cosine<F: Floats>(cos_out: F, blur: F) -> F {
+    let square = cos_out.mul_add(cos_out, blur * blur * F::splat(0.25));
+    square.min(F::splat(1.0)).sqrt()
 }
 
 /// Schlick's reflectance per channel for that at normal incidence.

@@ -11,7 +11,7 @@ pub mod optics;
 pub mod parts;
 mod section_lobes;
 
-pub use event::NearEvent;
+pub use event::Event;
 pub use frame::Frame;
 pub use optics::Optics;
 

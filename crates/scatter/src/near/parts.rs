@@ -7,7 +7,7 @@ use organza_basis::Rgb;
 /// The numbers that a [`NearField`](crate::NearField) is computed from.
 ///
 /// `f = c(theta_o) c(theta_i) cos(theta_i) sum_p K_p(theta_i, theta_o) A_p N_p(azimuth)`
-/// with the scale c of [`Balance`](crate::longitudinal::Balance), the folded
+/// with the scale c of [`Balance`], the folded
 /// Gaussians K of the inclinations, and per kind of fibre the attenuations A and
 /// the densities N of the azimuth.
 #[derive(Clone, Debug)]
