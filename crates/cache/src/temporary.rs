@@ -151,11 +151,21 @@ mod tests {
     use super::*;
     use std::sync::atomic::{AtomicBool, Ordering};
 
+    struct SetWhenDropped<'a>(&'a AtomicBool);
+
+    impl Drop for SetWhenDropped<'_> {
+        fn drop(&mut self) {
+            self.0.store(true, Ordering::Relaxed);
+        }
+    }
+
     #[test]
     fn what_is_new_is_not_taken_for_left_over() {
         let folder = tempfile::tempdir().unwrap();
         let is_done = AtomicBool::new(false);
         std::thread::scope(|scope| {
+            // Set by a panic, too: the scope waits for its thread.
+            let done = SetWhenDropped(&is_done);
             scope.spawn(|| {
                 while !is_done.load(Ordering::Relaxed) {
                     remove_left_over(folder.path(), "new.");
@@ -168,7 +178,7 @@ mod tests {
                 !file.path().exists() || !filled.path().join(LOCK).exists()
             });
             let lost = lost.count();
-            is_done.store(true, Ordering::Relaxed);
+            drop(done);
             assert_eq!(lost, 0);
         });
     }

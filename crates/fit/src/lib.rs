@@ -35,7 +35,7 @@ use organza_work::values::{
     parse_seed, parse_share,
 };
 use organza_work::{Context, Error, Results, identity, of_option, output};
-use organza_work::{Output, Request};
+use organza_work::{Output, Place, PlaceKind, Request};
 use serde::Deserialize;
 use serde::de::Deserializer;
 use serde_json::json;
@@ -156,7 +156,7 @@ pub struct Fit {
     #[arg(long, value_name = "KEY.PATH=VALUE")]
     #[serde(deserialize_with = "keys::overrides")]
     pub set: Vec<String>,
-    /// The file that it is for, see [`Request::prepare_for`].
+    /// The file that it is for, see [`Request::adapt_to`].
     #[arg(skip)]
     #[serde(skip)]
     pub file: Option<PathBuf>,
@@ -254,11 +254,16 @@ impl Request for Fit {
     const NAME: &'static str = "fit";
     type Output = Fitted;
 
-    fn prepare_for(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
+    fn adapt_to(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
         output::check_ending(path, &["toml"])?;
-        output::check_writable(path)?;
         self.file = Some(path.to_owned());
         Ok(vec![path.to_owned()])
+    }
+
+    fn further_places(&self) -> Vec<Place> {
+        let journal = Place::of_key(self.journal.as_ref(), PlaceKind::Continued);
+        let report = Place::of_key(self.report.as_ref(), PlaceKind::Folder);
+        journal.into_iter().chain(report).collect()
     }
 
     fn check(&self, context: &Context) -> Result<()> {
@@ -356,7 +361,7 @@ impl Fit {
         keys::check("accept", self.accept, parse_share)?;
         keys::check("voxel_um", self.voxel_um, parse_micrometres)?;
         if let Some(journal) = &self.journal {
-            output::check_writable(journal)?;
+            context.check_writable(journal)?;
             for path in &context.outputs {
                 output::check_distinct(("the journal", journal), ("the fitted fabric", path))?;
             }

@@ -19,7 +19,7 @@ use organza_work::{
     Context, Error, InputError, Progress, Results, Waiting, measured_values, of_file, of_option,
     output,
 };
-use organza_work::{Output, Request};
+use organza_work::{Output, PlaceKind, Request};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -94,7 +94,9 @@ impl Request for Compare {
     const NAME: &'static str = "compare";
     type Output = Compared;
 
-    fn prepare_for(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
+    const OUTPUT: PlaceKind = PlaceKind::Folder;
+
+    fn adapt_to(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
         output::check_report_folder(path, ("choices.csv", "the report of a bench"))?;
         Ok(vec![path.to_owned()])
     }

@@ -1,7 +1,9 @@
 //! Requests by their names.
 
 use crate::{Bake, Compare, Fit, Measure, Render, Scan, Table, Voxelize, Weave};
-use organza_work::{Context, Error, InputError, Output, Request, Results};
+use organza_basis::nearest_name;
+use organza_work::output::or_list;
+use organza_work::{Context, Error, InputError, Output, Place, PlaceKind, Request, Results};
 use std::path::PathBuf;
 
 /// A request by its name.
@@ -47,12 +49,25 @@ trait Work: Send + Sync {
     fn run(&self, context: &Context) -> Result<Box<dyn Output>, Error>;
 }
 
+impl<R: Request<Output: 'static>> Prepared<R> {
+    fn check_outputs(context: &Context) -> Result<(), Error> {
+        if R::OUTPUT == PlaceKind::File {
+            for path in &context.outputs {
+                context.check_writable(path)?;
+            }
+        }
+        Ok(())
+    }
+}
+
 impl<R: Request<Output: 'static>> Work for Prepared<R> {
     fn check(&self, context: &Context) -> Result<(), Error> {
+        Self::check_outputs(context)?;
         Ok(self.request.check(context)?)
     }
 
     fn run(&self, context: &Context) -> Result<Box<dyn Output>, Error> {
+        Self::check_outputs(context)?;
         let mut found = self.request.run(context)?;
         if let Some(path) = &self.path {
             found.settle(path);
@@ -69,6 +84,8 @@ impl<R: Request<Output: 'static>> Work for Prepared<R> {
 pub struct Stated {
     /// What it will write, where its keys `outfile` or `outdir` name a place.
     pub outputs: Vec<PathBuf>,
+    /// All places where it writes: the outputs, and what further keys name.
+    pub places: Vec<Place>,
     work: Box<dyn Work>,
 }
 
@@ -76,12 +93,15 @@ impl Stated {
     /// Reads the request of a name.
     ///
     /// # Errors
-    /// No request of this name, a wrong key, or a place that cannot be written.
+    /// No request of this name, a wrong key, or an output whose ending does not fit.
     pub fn read(name: &str, table: toml::Table) -> Result<Stated, Error> {
         let Some(found) = REQUESTS.iter().find(|r| r.name == name) else {
             let names: Vec<&str> = REQUESTS.iter().map(|r| r.name).collect();
-            let why = format!("{name}: no such request; expected {}", names.join(", "));
-            return Err(Error::from(organza_work::input(why)));
+            let near = nearest_name(name, names.iter().copied());
+            let near = near.map_or(String::new(), |near| format!("; did you mean `{near}`?"));
+            let why = format!("no such request; expected {}{near}", or_list(&names));
+            let e = InputError::new(why).at_key(name);
+            return Err(Error::from(anyhow::Error::new(e)));
         };
         (found.read)(table)
     }
@@ -89,7 +109,7 @@ impl Stated {
     /// Refuses what is wrong whatever the input files hold, before any work is done.
     ///
     /// # Errors
-    /// Those of [`Request::check`].
+    /// An output that cannot be written, and those of [`Request::check`].
     pub fn check(&self, context: &Context) -> Result<(), Error> {
         self.work.check(&self.context(context))
     }
@@ -132,9 +152,17 @@ fn read<R: Request<Output: 'static> + 'static>(mut table: toml::Table) -> Result
         None => None,
     };
     let mut request = R::from_table(table)?;
-    let outputs = path.as_deref().map(|path| request.prepare_for(path));
+    let outputs = path.as_deref().map(|path| request.adapt_to(path));
+    let outputs = outputs.transpose()?.unwrap_or_default();
+    let place = |path: &PathBuf| Place {
+        path: path.clone(),
+        kind: R::OUTPUT,
+    };
+    let mut places: Vec<Place> = outputs.iter().map(place).collect();
+    places.extend(request.further_places());
     Ok(Stated {
-        outputs: outputs.transpose()?.unwrap_or_default(),
+        outputs,
+        places,
         work: Box::new(Prepared { request, path }),
     })
 }

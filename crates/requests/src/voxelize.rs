@@ -49,7 +49,7 @@ pub struct Voxelize {
     #[arg(long, value_name = "KEY.PATH=VALUE")]
     #[serde(deserialize_with = "keys::overrides")]
     pub set: Vec<String>,
-    /// The file that it is for, see [`Request::prepare_for`].
+    /// The file that it is for, see [`Request::adapt_to`].
     #[arg(skip)]
     #[serde(skip)]
     pub file: Option<PathBuf>,
@@ -68,9 +68,8 @@ impl Request for Voxelize {
     const NAME: &'static str = "voxelize";
     type Output = Volume;
 
-    fn prepare_for(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
+    fn adapt_to(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
         self.check_options(path, format_of(path)?)?;
-        output::check_writable(path)?;
         self.file = Some(path.to_owned());
         Ok(vec![path.to_owned()])
     }

@@ -108,16 +108,18 @@ impl Request for Weave {
     const NAME: &'static str = "weave";
     type Output = Woven;
 
-    fn prepare_for(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
+    fn adapt_to(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
+        // What a file can show depends on the draft.
+        self.check_draft()?;
         self.check_output(path)?;
-        output::check_writable(path)?;
         Ok(vec![path.to_owned()])
     }
 
-    fn check(&self, _: &Context) -> Result<()> {
+    fn check(&self, context: &Context) -> Result<()> {
         keys::check("cell_px", [self.cell_px], whole::<u32>(1..=1024))?;
-        if self.draft.is_empty() {
-            return Err(of_option("draft", "expected a draft, a fabric or a weave"));
+        self.check_draft()?;
+        for path in &context.outputs {
+            output::check_not_an_input(path, [&self.draft])?;
         }
         if let (Some(set), false) = (self.set.first(), self.is_fabric()) {
             let word = &self.draft;
@@ -160,6 +162,13 @@ impl Weave {
     /// Whether it names a fabric file; else it can only be a draft.
     fn is_fabric(&self) -> bool {
         ending_of(Path::new(&self.draft)) == "toml"
+    }
+
+    fn check_draft(&self) -> Result<()> {
+        match self.draft.is_empty() {
+            true => Err(of_option("draft", "expected a draft, a fabric or a weave")),
+            false => Ok(()),
+        }
     }
 
     /// Refuses a file that cannot show what is named.

@@ -11,7 +11,7 @@ use organza_scene::memory::free_memory_bytes;
 use organza_scene::patches::PatchOptions;
 use std::ffi::OsString;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -64,6 +64,8 @@ pub struct Context {
     pub keeps_stopped: bool,
     /// Files that will be written: work that reads one of them is refused.
     pub outputs: Vec<PathBuf>,
+    /// Folders that will be there when the work begins.
+    pub coming_folders: Vec<PathBuf>,
     /// How the work was asked for, for files that record how they were made.
     pub command: String,
 }
@@ -79,6 +81,7 @@ impl Default for Context {
             stop: StopFlag::default(),
             keeps_stopped: false,
             outputs: Vec::new(),
+            coming_folders: Vec::new(),
             command: "organza".to_owned(),
         }
     }
@@ -183,6 +186,24 @@ impl Context {
     /// See [`result_cache::in_use`].
     pub fn result_cache(&self) -> Result<Option<organza_scene::ResultCache>> {
         result_cache::in_use(self.cache.as_deref())
+    }
+
+    /// Refuses early what could not be written in the end; what lies in a folder that is still to come
+    /// is taken to be writable.
+    ///
+    /// # Errors
+    /// Those of [`output::check_writable`].
+    pub fn check_writable(&self, path: &Path) -> Result<()> {
+        let folder = output::folder_of(path);
+        let comes = || {
+            // With a folder, those that it lies in are made.
+            let mut made = self.coming_folders.iter().flat_map(|f| f.ancestors());
+            made.any(|made| output::is_same_file(made, folder))
+        };
+        if !folder.exists() && comes() {
+            return Ok(());
+        }
+        output::check_writable(path)
     }
 
     /// Refuses outputs that are among the files read.

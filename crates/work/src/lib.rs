@@ -40,5 +40,5 @@ pub use error::{
 pub use job::Job;
 pub use listener::{Listener, Silent};
 pub use progress::{Progress, Waiting};
-pub use request::{Output, Request};
+pub use request::{Output, Place, PlaceKind, Request};
 pub use results::{Array, Numbers, Results};

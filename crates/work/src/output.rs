@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use organza_cache::temporary;
 use organza_scene::read::io_message;
 use std::io::{BufWriter, Seek, Write};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use tempfile::NamedTempFile;
 
 /// What encoders need of a file.
@@ -142,10 +142,20 @@ fn file_id(path: &Path) -> Option<PathBuf> {
     path.canonicalize().ok()
 }
 
-/// Where a file would appear.
+/// Where a file would appear, in folders that need not be there yet.
 fn place_of(path: &Path) -> Option<PathBuf> {
-    let folder = folder_of(path).canonicalize().ok()?;
-    Some(folder.join(path.file_name()?))
+    let whole = std::path::absolute(path).ok()?;
+    let mut folders = whole.ancestors().skip(1);
+    let (there, real) = folders.find_map(|folder| Some((folder, folder.canonicalize().ok()?)))?;
+    // No link is among folders that are still to be made, so that `..` is the one before.
+    let mut place = real;
+    for part in whole.strip_prefix(there).ok()?.components() {
+        match part {
+            Component::ParentDir => drop(place.pop()),
+            part => place.push(part),
+        }
+    }
+    Some(place)
 }
 
 /// Refuses an output that is one of the files read, under whatever path.
@@ -379,5 +389,10 @@ mod tests {
         };
         assert!(twice("./x.exr", "x.exr").is_err());
         twice("x.exr", "y.exr").unwrap();
+        // Nor are their folders.
+        for other in ["new/out/x.exr", "new/./out/x.exr", "new/../new/out/x.exr"] {
+            assert!(twice("new/out/x.exr", other).is_err(), "{other}");
+        }
+        twice("new/out/x.exr", "new/x.exr").unwrap();
     }
 }

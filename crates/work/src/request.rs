@@ -10,6 +10,34 @@ use organza_scene::read;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 
+/// What is written at a place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlaceKind {
+    /// A file, which replaces an older one.
+    File,
+    /// A folder, which is made with those that it lies in.
+    Folder,
+    /// A file that a later request may continue, such as a journal.
+    Continued,
+}
+
+/// A place where a request writes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// The file or folder.
+    pub path: PathBuf,
+    /// What is written there.
+    pub kind: PlaceKind,
+}
+
+impl Place {
+    /// The place of a key, if it is given.
+    pub fn of_key(path: Option<&PathBuf>, kind: PlaceKind) -> Option<Place> {
+        let path = path?.clone();
+        Some(Place { path, kind })
+    }
+}
+
 /// A piece of work with all that decides its result.
 pub trait Request: Clone + DeserializeOwned + Send + Sync {
     /// Its name, which is that of the command.
@@ -18,14 +46,36 @@ pub trait Request: Clone + DeserializeOwned + Send + Sync {
     /// What is found.
     type Output: Output + Send;
 
-    /// Prepares for output at this path: the ending of a file decides what it must hold. Returns what
+    /// Whether its output is a file or a folder.
+    const OUTPUT: PlaceKind = PlaceKind::File;
+
+    /// Adapts to output at this path: the ending of a file decides what it must hold. Returns what
     /// will be written there, for [`Context::outputs`].
+    ///
+    /// # Errors
+    /// A name whose ending does not fit.
+    fn adapt_to(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
+        Ok(vec![path.to_owned()])
+    }
+
+    /// Prepares for output at this path, as [`Request::adapt_to`], and refuses a file that cannot be
+    /// written.
     ///
     /// # Errors
     /// A name whose ending does not fit, or that cannot be written.
     fn prepare_for(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
-        output::check_writable(path)?;
-        Ok(vec![path.to_owned()])
+        let written = self.adapt_to(path)?;
+        if Self::OUTPUT == PlaceKind::File {
+            for file in &written {
+                output::check_writable(file)?;
+            }
+        }
+        Ok(written)
+    }
+
+    /// What it writes beside its output, where its keys say.
+    fn further_places(&self) -> Vec<Place> {
+        Vec::new()
     }
 
     /// Refuses what is wrong whatever its input files hold: values out of range, keys that contradict

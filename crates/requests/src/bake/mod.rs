@@ -32,7 +32,7 @@ use organza_work::values::{
 use organza_work::{
     Context, Error, Progress, Results, after_option, of_file, of_key, of_option, output,
 };
-use organza_work::{Output, Request};
+use organza_work::{Output, PlaceKind, Request};
 use serde::Deserialize;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -174,7 +174,9 @@ impl Request for Bake {
     const NAME: &'static str = "bake";
     type Output = Baking;
 
-    fn prepare_for(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
+    const OUTPUT: PlaceKind = PlaceKind::Folder;
+
+    fn adapt_to(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
         output::check_report_folder(path, ("choices.csv", "the report of a bench"))?;
         Ok(vec![path.to_owned()])
     }

@@ -135,7 +135,7 @@ pub struct Measure {
     #[arg(skip)]
     #[serde(skip)]
     pub lists_json: bool,
-    /// The file that it is for, see [`Request::prepare_for`].
+    /// The file that it is for, see [`Request::adapt_to`].
     #[arg(skip)]
     #[serde(skip)]
     pub table: Option<PathBuf>,
@@ -176,8 +176,7 @@ impl Request for Measure {
     const NAME: &'static str = "measure";
     type Output = Measurement;
 
-    fn prepare_for(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
-        files::check_writable(path)?;
+    fn adapt_to(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
         self.table = Some(path.to_owned());
         self.lists_json |= self.ending() == "json";
         Ok(vec![path.to_owned()])

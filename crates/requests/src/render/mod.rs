@@ -24,7 +24,6 @@ use organza_transport::{
     CachePlan, CacheReport, Crop, Engine, KernelRefusal, RenderError, Rendering,
 };
 use organza_work::Job;
-use organza_work::Request;
 use organza_work::building::watched;
 use organza_work::denoising::Denoiser;
 use organza_work::identity::{self, Identity, crop_edges};
@@ -40,6 +39,7 @@ use organza_work::{
     Context, Error, InputError, Progress, Stopped, Waiting, checkpoint, input, kept_light, of_file,
     of_option, picture, version,
 };
+use organza_work::{Place, PlaceKind, Request};
 use scene::Built;
 use serde::Deserialize;
 use std::ops::Range;
@@ -150,7 +150,7 @@ impl Request for Render {
     const NAME: &'static str = "render";
     type Output = Picture;
 
-    fn prepare_for(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
+    fn adapt_to(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
         let format = picture::format(path)?;
         if let (Some(part), false) = (&self.samples, format.keeps_sums) {
             let parts = format!("{}..{} makes a part", part.start, part.end);
@@ -159,14 +159,16 @@ impl Request for Render {
             let e = InputError::after_option("samples", why).in_file(path);
             return Err(anyhow::Error::new(e).into());
         }
-        let written = match self.denoise {
-            true => picture::files_of_denoised(path)?,
-            false => vec![path.to_owned()],
-        };
-        for file in &written {
-            files::check_writable(file)?;
+        match self.denoise {
+            true => Ok(picture::files_of_denoised(path)?),
+            false => Ok(vec![path.to_owned()]),
         }
-        Ok(written)
+    }
+
+    fn further_places(&self) -> Vec<Place> {
+        let light = Place::of_key(self.save_light.as_ref(), PlaceKind::File);
+        let checkpoint = Place::of_key(self.checkpoint.as_ref(), PlaceKind::Continued);
+        light.into_iter().chain(checkpoint).collect()
     }
 
     fn check(&self, context: &Context) -> Result<()> {
@@ -205,11 +207,11 @@ impl Request for Render {
             if let Some(checkpoint) = &self.checkpoint {
                 files::check_distinct(("the light", path), ("the checkpoint", checkpoint))?;
             }
-            files::check_writable(path)?;
+            context.check_writable(path)?;
             files::check_not_an_input(path, read.clone())?;
         }
         if let Some(path) = &self.checkpoint {
-            files::check_writable(path)?;
+            context.check_writable(path)?;
             for picture in &context.outputs {
                 files::check_distinct(("the checkpoint", path), ("the picture", picture))?;
             }

@@ -103,7 +103,7 @@ pub fn check(request: &Scan, files: &[PathBuf]) -> Result<()> {
         }
         let why = "expected .tif, .tiff or .png: slices in several files are TIFF or PNG";
         return match files.iter().find(|path| !is_slice(path)) {
-            Some(other) => Err(of_file(other, why)),
+            Some(other) => Err(missing(other).unwrap_or_else(|| of_file(other, why))),
             None => Ok(()),
         };
     };
@@ -118,7 +118,13 @@ pub fn check(request: &Scan, files: &[PathBuf]) -> Result<()> {
     }
     let why = "expected .tif, .tiff, .png, .vti, a folder of slices, or raw data with --raw-size \
                and --raw-type";
-    Err(of_file(&name, why))
+    Err(missing(path).unwrap_or_else(|| of_file(&name, why)))
+}
+
+/// The error of a file that is not there: a name without the right ending is often a misspelt one.
+fn missing(path: &Path) -> Option<anyhow::Error> {
+    let why = read::unreachable(path).filter(|why| why.is_missing);
+    why.map(anyhow::Error::from)
 }
 
 /// Opens the volume of files that were checked.

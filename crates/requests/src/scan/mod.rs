@@ -20,7 +20,7 @@ use organza_work::journal::{Journal, Work};
 use organza_work::keys;
 use organza_work::values::{parse_positive, whole};
 use organza_work::{Context, Error, Progress, Results, identity, of_file, output};
-use organza_work::{Output, Request};
+use organza_work::{Output, Place, PlaceKind, Request};
 use serde::Deserialize;
 use serde::de::{Deserializer, Error as _};
 use serde_json::json;
@@ -244,10 +244,14 @@ impl Request for Scan {
     const NAME: &'static str = "scan";
     type Output = ScannedVolume;
 
-    fn prepare_for(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
+    fn adapt_to(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
         output::check_ending(path, &["ovox"])?;
-        output::check_writable(path)?;
         Ok(vec![path.to_owned()])
+    }
+
+    fn further_places(&self) -> Vec<Place> {
+        let journal = Place::of_key(self.journal.as_ref(), PlaceKind::Continued);
+        journal.into_iter().collect()
     }
 
     fn check(&self, context: &Context) -> Result<()> {
@@ -313,7 +317,7 @@ impl Request for Scan {
             output::check_not_an_input(path, &files)?;
         }
         if let Some(journal) = &self.journal {
-            output::check_writable(journal)?;
+            context.check_writable(journal)?;
             for path in &context.outputs {
                 output::check_distinct(("the journal", journal), ("the volume", path))?;
             }

@@ -22,7 +22,6 @@ use organza_surface::table::{
     FarTable, MAX_TEXELS, Rings, TableParts, TextureLayout, balance, write_table,
 };
 use organza_work::Job;
-use organza_work::Request;
 use organza_work::building::watched;
 use organza_work::journal;
 use organza_work::keys;
@@ -30,6 +29,7 @@ use organza_work::number_journal::{NumberJournal, PAIR_NUMBERS, pair_numbers, pa
 use organza_work::patch_model::patch_model;
 use organza_work::values::{parse_micrometres, parse_paths, parse_seed, parse_share, whole};
 use organza_work::{Context, Error, Progress, after_option, of_option, output, version};
+use organza_work::{Place, PlaceKind, Request};
 use rayon::prelude::*;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -114,10 +114,14 @@ impl Request for Table {
     const NAME: &'static str = "table";
     type Output = MadeTable;
 
-    fn prepare_for(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
+    fn adapt_to(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
         output::check_ending(path, &[ENDING])?;
-        output::check_writable(path)?;
         Ok(vec![path.to_owned()])
+    }
+
+    fn further_places(&self) -> Vec<Place> {
+        let journal = Place::of_key(self.journal.as_ref(), PlaceKind::Continued);
+        journal.into_iter().collect()
     }
 
     fn check(&self, context: &Context) -> Result<()> {
@@ -157,7 +161,7 @@ impl Request for Table {
             output::check_not_an_input(path, [&self.fabric])?;
         }
         if let Some(journal) = &self.journal {
-            output::check_writable(journal)?;
+            context.check_writable(journal)?;
             for path in &context.outputs {
                 output::check_distinct(("the journal", journal), ("the table", path))?;
             }
