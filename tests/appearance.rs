@@ -164,7 +164,8 @@ fn optics_and_density_planted_in_pairs_are_found() {
     let words = argv("measure thin.toml --pairs pairs.csv -o measured.csv");
     let effort = ["--spp", "20000", "--seed", "5", "--quiet"];
     succeed(&folder, &[&words[..], &effort].concat());
-    let flags = argv("--data measured.csv --spp 700 --seed 1");
+    // With 700 paths the answer depends on the seed by more than its error says.
+    let flags = argv("--data measured.csv --spp 3000 --seed 1");
     let (words, list) = fitted(&folder, &[&flags[..], &["--fit-density"]].concat());
     assert!(words.starts_with("Met"), "{words}");
     check(

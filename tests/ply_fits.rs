@@ -179,7 +179,7 @@ fn plies_match_a_front_lit_and_a_back_lit_picture_at_once() {
     pictures(&folder);
     let answer = fit(
         &folder,
-        &[&TAKEN[..], &["--back", "back.exr", "--patience", "0,12"]].concat(),
+        &[&TAKEN[..], &["--back", "back.exr", "--patience", "0,24"]].concat(),
     );
     for group in ["front-lit mean", "back-lit mean"] {
         let [before, after] = error(&answer, "held_out", group);
