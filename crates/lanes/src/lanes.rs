@@ -68,8 +68,8 @@ pub trait Ints:
     fn equals(self, o: Self) -> Self::Mask;
     /// `self` where `mask`, else `o`.
     fn or_where_not(self, mask: Self::Mask, o: Self) -> Self;
-    /// `table[self]`, the last entry beyond the end. The table must not be
-    /// empty and have fewer than 2^31 entries.
+    /// `table[self]`, the last entry beyond the end, zero of an empty table. It must have fewer
+    /// than 2^31 entries.
     fn gather(self, table: &[u32]) -> Self;
 }
 

@@ -102,7 +102,8 @@ macro_rules! one_lane {
             }
             #[inline(always)]
             fn gather(self, table: &[u32]) -> $u {
-                $u(table[(self.0 as usize).min(table.len() - 1)])
+                let last = table.len().saturating_sub(1);
+                $u(table.get((self.0 as usize).min(last)).copied().unwrap_or(0))
             }
         }
 
