@@ -1,9 +1,8 @@
 //! Directions toward a light, drawn for one lane after the other by the light itself.
 
 use glam::Vec3;
-use organza_basis::PathRng;
-use organza_lanes::math::{LaneRng, V3};
-use organza_lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
+use organza_lanes::math::{LaneRng, V3, path_rngs};
+use organza_lanes::{Floats, MAX_LANES, Mask, SetBits};
 use organza_light::Light;
 
 /// One direction in every lane.
@@ -26,17 +25,12 @@ impl<F: Floats> DrawnLight<F> {
         rng: &mut LaneRng<F::Ints>,
         mask: F::Mask,
     ) -> DrawnLight<F> {
-        let bits = rng.bits(mask);
-        let mut names = [[0u32; MAX_LANES]; 2];
-        bits[0].store(&mut names[0]);
-        bits[1].store(&mut names[1]);
+        let rngs = path_rngs(rng, mask);
         let mut toward = [[0.0; MAX_LANES], [0.0; MAX_LANES], [1.0; MAX_LANES]];
         let mut irradiance = [[1.0; MAX_LANES]; 3];
         let (mut pdf, mut seen) = ([1.0; MAX_LANES], 0);
         for lane in SetBits(mask.bits()) {
-            let name = u64::from(names[0][lane]) | u64::from(names[1][lane]) << 32;
-            let mut own = PathRng::from_seed(name);
-            let Some(drawn) = light.sample_toward(from_mm(lane), &mut own) else {
+            let Some(drawn) = light.sample_toward(from_mm(lane), &mut rngs(lane)) else {
                 continue;
             };
             for axis in 0..3 {

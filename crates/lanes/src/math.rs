@@ -1,6 +1,6 @@
 //! Elementary functions and random numbers of lanes.
 
-use crate::lanes::{Floats, Ints};
+use crate::lanes::{Floats, Ints, MAX_LANES};
 use organza_basis::{PathRng, mix64};
 use std::f32::consts::{FRAC_1_PI, LOG2_E, TAU};
 use std::ops::{Add, Sub};
@@ -327,6 +327,16 @@ pub fn normal<F: Floats>(u: F, v: F) -> F {
     let half_square = minus_ln(positive(u));
     let (_, cos) = sin_cos_of_turns(v);
     (half_square + half_square).sqrt() * cos
+}
+
+/// Random numbers for each lane alone, by its number.
+#[inline(always)]
+pub fn path_rngs<U: Ints>(rng: &mut LaneRng<U>, mask: U::Mask) -> impl Fn(usize) -> PathRng {
+    let [low, high, _] = rng.bits(mask);
+    let mut names = [[0; MAX_LANES]; 2];
+    low.store(&mut names[0]);
+    high.store(&mut names[1]);
+    move |lane| PathRng::from_seed(u64::from(names[0][lane]) | u64::from(names[1][lane]) << 32)
 }
 
 /// Where random numbers of lanes come from.

@@ -141,25 +141,9 @@ impl LightSource for DiscLight {
 
     fn for_mitsuba(&self, _: usize) -> Result<MitsubaLight, String> {
         let [_, u, v] = self.square.corner_and_edges_mm();
-        let sides: &[(Vec3, Vec3)] = match self.square.is_two_sided() {
-            true => &[(u, v), (v, u)],
-            false => &[(u, v)],
-        };
-        let mut xml = String::new();
-        for &(u, v) in sides {
-            let normal = u.cross(v).normalize();
-            xml += &format!(
-                r#"    <shape type="disk">
-        {}
-        <bsdf type="null"/>
-        <emitter type="area"><rgb name="radiance" value="{}"/></emitter>
-    </shape>
-"#,
-                mitsuba::matrix([0.5 * u, 0.5 * v, normal], self.centre_mm),
-                mitsuba::colour(self.square.radiance())
-            );
-        }
-        Ok(MitsubaLight::of_xml(xml))
+        let frame = [0.5 * u, 0.5 * v, self.centre_mm];
+        let (radiance, two_sided) = (self.square.radiance(), self.square.is_two_sided());
+        Ok(mitsuba::area_light("disk", frame, radiance, two_sided))
     }
 }
 

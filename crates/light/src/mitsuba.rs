@@ -26,6 +26,34 @@ impl MitsubaLight {
     }
 }
 
+/// A shape that emits light, with half its edges, its middle, and its radiance; to both sides as
+/// two shapes.
+pub(crate) fn area_light(
+    shape: &str,
+    [u, v, middle]: [Vec3; 3],
+    radiance: Rgb,
+    is_two_sided: bool,
+) -> MitsubaLight {
+    let mut xml = String::new();
+    for [u, v] in [[u, v], [v, u]]
+        .into_iter()
+        .take(1 + usize::from(is_two_sided))
+    {
+        let normal = u.cross(v).normalize();
+        xml += &format!(
+            r#"    <shape type="{shape}">
+        {}
+        <bsdf type="null"/>
+        <emitter type="area"><rgb name="radiance" value="{}"/></emitter>
+    </shape>
+"#,
+            matrix([u, v, normal], middle),
+            colour(radiance)
+        );
+    }
+    MitsubaLight::of_xml(xml)
+}
+
 /// Numbers as the value of an attribute.
 pub fn numbers(v: impl IntoIterator<Item = f64>) -> String {
     let words: Vec<String> = v.into_iter().map(|x| x.to_string()).collect();

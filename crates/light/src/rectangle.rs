@@ -249,26 +249,12 @@ impl LightSource for RectangleLight {
 
     fn for_mitsuba(&self, _: usize) -> Result<MitsubaLight, String> {
         let [corner, u, v] = self.corner_and_edges_mm();
-        let middle = corner + 0.5 * (u + v);
-        let sides: &[(Vec3, Vec3)] = if self.two_sided {
-            &[(u, v), (v, u)]
-        } else {
-            &[(u, v)]
-        };
-        let mut xml = String::new();
-        for &(u, v) in sides {
-            let normal = u.cross(v).normalize();
-            xml += &format!(
-                r#"    <shape type="rectangle">
-        {}
-        <bsdf type="null"/>
-        <emitter type="area"><rgb name="radiance" value="{}"/></emitter>
-    </shape>
-"#,
-                mitsuba::matrix([0.5 * u, 0.5 * v, normal], middle),
-                mitsuba::colour(self.radiance)
-            );
-        }
-        Ok(MitsubaLight::of_xml(xml))
+        let frame = [0.5 * u, 0.5 * v, corner + 0.5 * (u + v)];
+        Ok(mitsuba::area_light(
+            "rectangle",
+            frame,
+            self.radiance,
+            self.two_sided,
+        ))
     }
 }

@@ -167,7 +167,7 @@ impl FibreModel for MeasuredFibre {
     }
 
     fn near_parts(&self) -> NearParts {
-        // Lobes come from the table; what a body would absorb only tells dyes apart.
+        // The lobes come from the table. The absorption only distinguishes dyes for the cache.
         let through = self.through.0.max(Vec3::splat(1e-6));
         let kind = NearKind::Dielectric {
             ior: IOR,

@@ -7,7 +7,7 @@ use super::voxel_words::VoxelWords;
 use super::walk::{loaded, stored};
 use glam::Vec3;
 use organza_basis::{PathRng, Rgb};
-use organza_lanes::math::{LaneRng, V3};
+use organza_lanes::math::{LaneRng, V3, path_rngs};
 use organza_lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
 use organza_scatter::{DiffuseFlake, FlakePopulation, FlakeScattering, Lobe};
 
@@ -75,7 +75,7 @@ impl<F: Floats> Event<F> for LoneFlakes<F> {
             };
         }
         if let Some(scattering) = scattering(scene).filter(|s| s.draws_flakes()) {
-            let rngs = rngs(rng, mask);
+            let rngs = path_rngs(rng, mask);
             for lane in SetBits(mask.bits()) {
                 let met = &mut own.met[lane];
                 met.flake = scattering.draw_flake(&met.population, met.w_out, &mut rngs(lane));
@@ -113,7 +113,7 @@ impl<F: Floats> Event<F> for LoneFlakes<F> {
         let mut directions = [[0.0; MAX_LANES], [0.0; MAX_LANES], [1.0; MAX_LANES]];
         let mut weights = [[0.0; MAX_LANES]; 3];
         if let Some(scattering) = scattering(scene) {
-            let rngs = rngs(rng, mask);
+            let rngs = path_rngs(rng, mask);
             for lane in SetBits(self.mask.bits()) {
                 if let Some((w_in, weight)) = self.met[lane].turn(scattering, &mut rngs(lane)) {
                     put(&mut directions, lane, w_in);
@@ -153,16 +153,6 @@ impl Met {
 
 fn scattering(scene: &FlatScene) -> Option<&dyn FlakeScattering> {
     scene.medium.flakes().map(|flakes| &*flakes.scattering)
-}
-
-/// Random numbers for each lane alone.
-#[inline(always)]
-fn rngs<U: Ints>(rng: &mut LaneRng<U>, mask: U::Mask) -> impl Fn(usize) -> PathRng {
-    let [low, high, _] = rng.bits(mask);
-    let mut names = [[0; MAX_LANES]; 2];
-    low.store(&mut names[0]);
-    high.store(&mut names[1]);
-    move |lane| PathRng::from_seed(u64::from(names[0][lane]) | u64::from(names[1][lane]) << 32)
 }
 
 fn of_lane(v: &[[f32; MAX_LANES]; 3], lane: usize) -> Vec3 {
