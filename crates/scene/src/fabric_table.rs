@@ -116,6 +116,12 @@ impl FabricFile {
                 "draft.curves",
             ),
             (
+                "draft.curve_tile_mm",
+                draft.curve_tile_mm.is_some(),
+                is_curves,
+                "draft.curves",
+            ),
+            (
                 "draft.curves_are",
                 draft.curves_are != CurveKind::default(),
                 is_curves,

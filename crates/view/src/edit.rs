@@ -257,6 +257,7 @@ fn set_draft(document: &mut Document, fabric: usize, draft: &str) -> Outcome {
         "curves",
         "wales_per_cm",
         "curve_unit_mm",
+        "curve_tile_mm",
         "curves_are",
     ];
     for other in others.iter().filter(|other| **other != key) {

@@ -124,6 +124,9 @@ pub struct DraftSpec {
     pub curves: Option<String>,
     /// Length of the file's unit; 1 without.
     pub curve_unit_mm: Option<f64>,
+    /// Sides of a tile that begins at the origin, with which the curves repeat; without, they do
+    /// not.
+    pub curve_tile_mm: Option<[f64; 2]>,
     /// Whether the curves are yarns, which get plies and fibres, or the
     /// fibres themselves.
     #[serde(default)]

@@ -9,7 +9,7 @@ use crate::section::ThreadSection;
 use crate::spec::{CurveKind, FabricGeometry};
 use crate::strand::{reach_mm, thickest_fibre_mm};
 use crate::{Error, Loader};
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec2};
 use organza_basis::{Aabb, Tile};
 
 /// A cloth of the curves in the file called `name`.
@@ -28,6 +28,12 @@ pub(super) fn imported(
     if !(1e-6..=1e6).contains(&unit_mm) {
         let message = format!("expected a length from 1e-6 to 1e6 mm, found {unit_mm}");
         return Err(Error::spec("draft.curve_unit_mm", message));
+    }
+    if let Some(sides) = fabric.draft.curve_tile_mm
+        && !sides.iter().all(|side| (1e-3..=1e6).contains(side))
+    {
+        let message = format!("expected lengths from 0.001 to 1e6 mm, found {sides:?}");
+        return Err(Error::spec("draft.curve_tile_mm", message));
     }
     let mut yarns = Yarns::new(&fabric.yarn);
     let used = yarns.of_system("weft", &fabric.weft)?;
@@ -91,6 +97,11 @@ pub(super) fn imported(
         }
         threads.push(thread);
     }
+    if let Some(sides_mm) = fabric.draft.curve_tile_mm {
+        let sides_mm = DVec2::from_array(sides_mm).as_vec2();
+        bounds_mm.min = bounds_mm.min.with_xy(Vec2::ZERO);
+        bounds_mm.max = bounds_mm.max.with_xy(sides_mm);
+    }
     Ok(Cloth {
         draft: None,
         yarns,
@@ -101,7 +112,7 @@ pub(super) fn imported(
         net: None,
         tile: Tile {
             bounds_mm,
-            repeats: false,
+            repeats: fabric.draft.curve_tile_mm.is_some(),
         },
         seed: 0,
         print: None,

@@ -98,5 +98,6 @@ fn is_empty(d: &DraftSpec) -> bool {
         && d.drawdown.is_none()
         && d.wales_per_cm.is_none()
         && d.curve_unit_mm.is_none()
+        && d.curve_tile_mm.is_none()
         && d.curves_are == CurveKind::default()
 }
