@@ -202,7 +202,7 @@ impl Difference {
 /// uses must be near it in total: level 1 within a tenth (measured with 5 x 4096 paths per pair:
 /// +1.4 % +- 0.5 % and -4.5 % +- 1.7 %), the surface model within a fifth (-11.6 % and -2.7 %).
 /// The twin is level 4, which narrows the gaps and transmits a quarter. Every rms is that of
-/// `benches/runs/far.md`; the surface model with the rms of level 1 is the twin.
+/// `docs/far_field.md`; the surface model with the rms of level 1 is the twin.
 #[test]
 fn levels_against_the_finest() {
     // Reflected and transmitted.
