@@ -91,7 +91,7 @@ fn take(scene: &Scene, tracker: Tracker, spp: u64) -> Option<Outcome> {
     if tracker == Tracker::Kernel {
         let flat = flatten(scene, &settings, u64::MAX).ok()?;
         let engine = VoxelEngine::new(Arc::new(flat), Backend::Scalar).unwrap();
-        rendering = rendering.with_engine(engine);
+        rendering = rendering.with_engine(Box::new(engine));
     }
     let rendering = rendering.take(spp, &|_| ControlFlow::Continue(()));
     Some(rendering.map_or_else(

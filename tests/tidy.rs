@@ -22,7 +22,10 @@ const EDGES: [(&str, &[&str]); 27] = [
     ("film", &["basis"]),
     ("denoise", &["film"]),
     ("light", &["basis", "lanes"]),
-    ("kernel", &["basis", "film", "lanes", "light", "scatter"]),
+    (
+        "kernel",
+        &["basis", "film", "lanes", "light", "mesh", "scatter"],
+    ),
     (
         "transport",
         &[

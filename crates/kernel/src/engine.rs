@@ -93,56 +93,6 @@ pub trait Engine: Send + Sync {
     }
 }
 
-impl Engine for Box<dyn Engine + '_> {
-    fn name(&self) -> &'static str {
-        (**self).name()
-    }
-
-    fn memory_bytes(&self) -> u64 {
-        (**self).memory_bytes()
-    }
-
-    fn saved_memory(&self) -> Option<&'static str> {
-        (**self).saved_memory()
-    }
-
-    fn rows_per_block(&self, rows: u32, threads: u32) -> u32 {
-        (**self).rows_per_block(rows, threads)
-    }
-
-    fn pass_time(&self) -> Duration {
-        (**self).pass_time()
-    }
-
-    fn take(&self, block: &mut Block<'_>) -> Result<Stats, Lost> {
-        (**self).take(block)
-    }
-
-    fn can_learn(&self) -> bool {
-        (**self).can_learn()
-    }
-
-    fn learn(
-        &self,
-        plan: &CachePlan,
-        watch: &LearnWatch<'_>,
-    ) -> Result<Option<CacheReport>, Stopped> {
-        (**self).learn(plan, watch)
-    }
-
-    fn kept_light(&self) -> Option<KeptLight> {
-        (**self).kept_light()
-    }
-
-    fn takes_light(&self, light: &KeptLight) -> bool {
-        (**self).takes_light(light)
-    }
-
-    fn loss(&self) -> Option<&Lost> {
-        (**self).loss()
-    }
-}
-
 /// What walked the paths is gone, such as a graphics adapter that was reset: why, in the
 /// words of its driver.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -2,6 +2,7 @@
 
 use crate::fibres::cells::Unfit;
 use crate::matter::Unsuited;
+use organza_lanes::Backend;
 
 /// Why the kernel leaves a view to another walk.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -59,6 +60,17 @@ pub enum Refusal {
 }
 
 impl Refusal {
+    /// Refuses an engine that the processor has no instructions for.
+    pub(crate) fn without(backend: Backend) -> Result<(), Refusal> {
+        match backend.is_available() {
+            true => Ok(()),
+            false => Err(Refusal::Unavailable {
+                engine: backend.name(),
+                needs: backend.needs(),
+            }),
+        }
+    }
+
     /// Of fibres for which `max_bytes` were allowed.
     pub fn of_fibres(unfit: Unfit, max_bytes: u64) -> Refusal {
         match unfit {

@@ -1,4 +1,5 @@
 //! Scans of phantoms that are drawn from organza's own fabrics, against the fibres drawn.
+use crate::known_answers::{Spread, bounds, scan, seeds_to_print, spread};
 use glam::{DVec3, UVec3, Vec3};
 use organza_basis::{Aabb, Budget, SegmentSource, unwatched};
 use organza_scan::phantom::{Phantom, PhantomLook};
@@ -55,14 +56,7 @@ fn found(phantom: &mut Phantom, (blur, noise, is_given): (f32, f32, bool), seed:
         fibre: is_given.then_some(FIBRE),
         ..ScanSettings::new(DVec3::splat(VOXEL_MM.into()))
     };
-    let budget = &mut Budget::new(2 << 30);
-    let survey = Scan::survey(phantom, &settings, budget, &|_, _| unwatched(())).unwrap();
-    let scan = Scan::new(phantom, &settings, &survey, budget).unwrap();
-    let mut field = scan.field(budget).unwrap();
-    for i in 0..scan.slab_count() {
-        let slab = scan.slab(phantom, i, &|_, _| unwatched(())).unwrap();
-        slab.add_to(&mut field);
-    }
+    let (survey, field) = scan(phantom, &settings);
     let (mut angles, mut exchanged) = (Vec::new(), Vec::new());
     let (mut drawn, mut own) = (0.0f64, 0.0f64);
     let dims = phantom.dims();
@@ -99,66 +93,42 @@ fn found(phantom: &mut Phantom, (blur, noise, is_given): (f32, f32, bool), seed:
 
 /// Mean and deviation over the seeds 2 to 7 of the fabric and of the noise;
 /// `ORGANZA_SCAN_SEEDS=7` prints them.
-const SPREADS: [[(f32, f32); 5]; 3] = [
-    [
-        (2.9013, 0.4019),
-        (0.0182, 0.0045),
-        (-0.0034, 0.0011),
-        (0.0029, 0.0010),
-        (-0.0326, 0.0087),
-    ],
-    [
-        (3.5004, 0.5217),
-        (0.0000, 0.0000),
-        (0.0000, 0.0000),
-        (-0.0021, 0.0017),
-        (-0.0021, 0.0017),
-    ],
-    [
-        (4.8061, 0.5821),
-        (0.0000, 0.0000),
-        (0.0000, 0.0000),
-        (-0.0066, 0.0081),
-        (-0.0066, 0.0081),
-    ],
+const SPREADS: [Spread; 3] = [
+    (
+        [2.9013, 0.0182, -0.0034, 0.0029, -0.0326],
+        [0.4019, 0.0045, 0.0011, 0.0010, 0.0087],
+    ),
+    (
+        [3.5004, 0.0000, 0.0000, -0.0021, -0.0021],
+        [0.5217, 0.0000, 0.0000, 0.0017, 0.0017],
+    ),
+    (
+        [4.8061, 0.0000, 0.0000, -0.0066, -0.0066],
+        [0.5821, 0.0000, 0.0000, 0.0081, 0.0081],
+    ),
 ];
-
-/// Deviations by which a figure may be worse than its mean over seeds.
-const MOST_DEVIATIONS: f32 = 4.0;
 
 fn print_over_seeds(last: u64) {
     let mut drawn: Vec<Phantom> = (2..=last).map(gauze).collect();
     for look in LOOKS {
-        let all: Vec<Found> = (2..=last)
+        let all: Vec<[f32; 5]> = (2..=last)
             .zip(&mut drawn)
-            .map(|(seed, drawn)| found(drawn, look, seed))
+            .map(|(seed, drawn)| found(drawn, look, seed).figures)
             .collect();
-        let n = all.len() as f32;
-        let row = (0..5).map(|i| {
-            let mean = all.iter().map(|f| f.figures[i]).sum::<f32>() / n;
-            let square = all.iter().map(|f| (f.figures[i] - mean).powi(2));
-            format!(
-                "({mean:.4}, {:.4})",
-                (square.sum::<f32>() / (n - 1.0)).sqrt()
-            )
-        });
-        let row: Vec<String> = row.collect();
-        println!("{look:?}: [{}]", row.join(", "));
+        println!("{look:?}: {:.4?}", spread(&all));
     }
 }
 
 #[test]
 fn a_scanned_gauze_has_the_fibres_of_the_fabric() {
-    let last = std::env::var("ORGANZA_SCAN_SEEDS").ok();
-    if let Some(last) = last.and_then(|n| n.parse().ok()) {
+    if let Some(last) = seeds_to_print() {
         return print_over_seeds(last);
     }
     let mut drawn = gauze(1);
     for (look, spreads) in LOOKS.into_iter().zip(SPREADS) {
         let own = found(&mut drawn, look, 1);
         println!("{look:?}: {:?}", own.figures);
-        for ((name, value), (mean, deviation)) in NAMES.iter().zip(own.figures).zip(spreads) {
-            let most = mean.abs() + MOST_DEVIATIONS * deviation;
+        for ((name, value), most) in NAMES.iter().zip(own.figures).zip(bounds(&spreads)) {
             let words = format!("{look:?}, seed 1: {name} is {value}; expected at most {most}");
             assert!(value.abs() <= most + 1e-6, "{words}");
             // Known bad: a radius that is a fifth too great, and the length of such fibres.

@@ -59,11 +59,10 @@ fn random_fibres(size: f32, radius: f32, count: usize, seed: u64) -> SegmentList
     list(size, lines.iter().map(segment).collect())
 }
 
-fn scan(phantom: &mut Phantom) -> (Survey, ScannedField) {
-    let settings = ScanSettings::new(DVec3::splat(VOXEL_MM.into()));
+pub fn scan(phantom: &mut Phantom, settings: &ScanSettings) -> (Survey, ScannedField) {
     let budget = &mut Budget::new(4 << 30);
-    let survey = Scan::survey(phantom, &settings, budget, &|_, _| unwatched(())).unwrap();
-    let scan = Scan::new(phantom, &settings, &survey, budget).unwrap();
+    let survey = Scan::survey(phantom, settings, budget, &|_, _| unwatched(())).unwrap();
+    let scan = Scan::new(phantom, settings, &survey, budget).unwrap();
     let mut field = scan.field(budget).unwrap();
     for i in 0..scan.slab_count() {
         scan.slab(phantom, i, &|_, _| unwatched(()))
@@ -220,7 +219,8 @@ impl Kind {
 fn figures(kind: Kind, look: &PhantomLook, drawn: &Phantom) -> ([f32; 5], Errors) {
     let mut phantom = drawn.clone();
     phantom.look(look);
-    let (survey, field) = scan(&mut phantom);
+    let settings = ScanSettings::new(DVec3::splat(VOXEL_MM.into()));
+    let (survey, field) = scan(&mut phantom, &settings);
     assert!(!survey.shows_bundles(), "{kind:?}, {look:?}: {survey:?}");
     let e = errors(&phantom, &field, |axis| axis);
     let radius = survey.fibre_radius_mm / (kind.radius() * VOXEL_MM) - 1.0;
@@ -234,86 +234,74 @@ fn figures(kind: Kind, look: &PhantomLook, drawn: &Phantom) -> ([f32; 5], Errors
 
 /// Mean and deviation of [`figures`] over the seeds 1 to 6 of fibres and noise, at each of
 /// [`looks`]; `ORGANZA_SCAN_SEEDS=6` prints them.
-type Spread = [(f32, f32); 5];
+pub type Spread = ([f32; 5], [f32; 5]);
 const RANDOM: [Spread; 3] = [
-    [
-        (0.3167, 0.0126),
-        (1.2907, 0.1813),
-        (0.0001, 0.0007),
-        (-0.0008, 0.0016),
-        (-0.0001, 0.0017),
-    ],
-    [
-        (0.6841, 0.0534),
-        (2.0611, 0.2254),
-        (-0.0029, 0.0036),
-        (0.0016, 0.0053),
-        (-0.0096, 0.0073),
-    ],
-    [
-        (1.3693, 0.1340),
-        (3.7957, 0.3047),
-        (-0.0075, 0.0096),
-        (0.0010, 0.0192),
-        (-0.0183, 0.0254),
-    ],
+    (
+        [0.3167, 1.2907, 0.0001, -0.0008, -0.0001],
+        [0.0126, 0.1813, 0.0007, 0.0016, 0.0017],
+    ),
+    (
+        [0.6841, 2.0611, -0.0029, 0.0016, -0.0096],
+        [0.0534, 0.2254, 0.0036, 0.0053, 0.0073],
+    ),
+    (
+        [1.3693, 3.7957, -0.0075, 0.0010, -0.0183],
+        [0.1340, 0.3047, 0.0096, 0.0192, 0.0254],
+    ),
 ];
 const CROSSING: [Spread; 3] = [
-    [
-        (1.8667, 0.2287),
-        (82.5497, 1.6094),
-        (-0.0021, 0.0019),
-        (-0.0020, 0.0012),
-        (-0.0100, 0.0012),
-    ],
-    [
-        (4.3820, 0.5038),
-        (85.0277, 0.6311),
-        (-0.0126, 0.0047),
-        (-0.0024, 0.0057),
-        (-0.0428, 0.0086),
-    ],
-    [
-        (8.7010, 1.0294),
-        (85.4522, 0.3447),
-        (-0.0231, 0.0067),
-        (0.0040, 0.0163),
-        (-0.1089, 0.0178),
-    ],
+    (
+        [1.8667, 82.5497, -0.0021, -0.0020, -0.0100],
+        [0.2287, 1.6094, 0.0019, 0.0012, 0.0012],
+    ),
+    (
+        [4.3820, 85.0277, -0.0126, -0.0024, -0.0428],
+        [0.5038, 0.6311, 0.0047, 0.0057, 0.0086],
+    ),
+    (
+        [8.7010, 85.4522, -0.0231, 0.0040, -0.1089],
+        [1.0294, 0.3447, 0.0067, 0.0163, 0.0178],
+    ),
 ];
 const YARNS: [Spread; 3] = [
-    [
-        (6.8896, 0.1203),
-        (9.7746, 0.6197),
-        (0.0313, 0.0014),
-        (0.0001, 0.0012),
-        (-0.0011, 0.0012),
-    ],
-    [
-        (7.5274, 0.1412),
-        (10.8485, 0.6583),
-        (0.0354, 0.0012),
-        (0.0027, 0.0039),
-        (-0.0070, 0.0040),
-    ],
-    [
-        (8.0870, 0.1050),
-        (12.4768, 0.7024),
-        (0.0380, 0.0084),
-        (0.0038, 0.0071),
-        (-0.0142, 0.0088),
-    ],
+    (
+        [6.8896, 9.7746, 0.0313, 0.0001, -0.0011],
+        [0.1203, 0.6197, 0.0014, 0.0012, 0.0012],
+    ),
+    (
+        [7.5274, 10.8485, 0.0354, 0.0027, -0.0070],
+        [0.1412, 0.6583, 0.0012, 0.0039, 0.0040],
+    ),
+    (
+        [8.0870, 12.4768, 0.0380, 0.0038, -0.0142],
+        [0.1050, 0.7024, 0.0084, 0.0071, 0.0088],
+    ),
 ];
 
-/// Deviations by which a figure may be worse than its mean over seeds.
-const MOST_DEVIATIONS: f32 = 4.0;
+/// What figures may be at most: four deviations worse than their means over seeds.
+pub fn bounds((means, deviations): &Spread) -> [f32; 5] {
+    std::array::from_fn(|k| means[k].abs() + 4.0 * deviations[k])
+}
+
+/// How many seeds to print the spread of, if that is asked for.
+pub fn seeds_to_print() -> Option<u64> {
+    std::env::var("ORGANZA_SCAN_SEEDS").ok()?.parse().ok()
+}
+
+/// The means and deviations of figures.
+pub fn spread(all: &[[f32; 5]]) -> Spread {
+    let n = all.len() as f32;
+    let means = std::array::from_fn(|k| all.iter().map(|f| f[k]).sum::<f32>() / n);
+    let square = |k: usize| all.iter().map(|f| (f[k] - means[k]).powi(2)).sum::<f32>();
+    (
+        means,
+        std::array::from_fn(|k| (square(k) / (n - 1.0)).sqrt()),
+    )
+}
 
 /// The figures of seed 1 against those of six seeds, for some of the looks.
 fn check(kind: Kind, spreads: &[Spread; 3], chosen: &[usize]) {
-    if let Some(n) = std::env::var("ORGANZA_SCAN_SEEDS")
-        .ok()
-        .and_then(|n| n.parse().ok())
-    {
+    if let Some(n) = seeds_to_print() {
         return print_over_seeds(kind, n);
     }
     let drawn = kind.draw(1);
@@ -324,8 +312,7 @@ fn check(kind: Kind, spreads: &[Spread; 3], chosen: &[usize]) {
         };
         let (own, e) = figures(kind, &look, &drawn);
         println!("{kind:?}, noise {}: {own:?}, {e:?}", look.noise);
-        for (k, (value, (mean, deviation))) in own.into_iter().zip(spreads[i]).enumerate() {
-            let most = mean.abs() + MOST_DEVIATIONS * deviation;
+        for (k, (value, most)) in own.into_iter().zip(bounds(&spreads[i])).enumerate() {
             assert!(
                 value.abs() <= most,
                 "{kind:?}, noise {}, seed 1: figure {k} is {value}; expected at most {most}",
@@ -343,13 +330,7 @@ fn print_over_seeds(kind: Kind, n: u64) {
     for look in looks() {
         let of = |seed| figures(kind, &PhantomLook { seed, ..look }, &kind.draw(seed)).0;
         let all: Vec<[f32; 5]> = (1..=n).map(of).collect();
-        let row = (0..5).map(|i| {
-            let mean = all.iter().map(|f| f[i]).sum::<f32>() / n as f32;
-            let square = all.iter().map(|f| (f[i] - mean).powi(2)).sum::<f32>();
-            format!("({mean:.4}, {:.4})", (square / (n - 1) as f32).sqrt())
-        });
-        let row: Vec<String> = row.collect();
-        println!("{kind:?} {}: [{}],", look.noise, row.join(", "));
+        println!("{kind:?} {}: {:.4?},", look.noise, spread(&all));
     }
 }
 

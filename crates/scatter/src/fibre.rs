@@ -242,8 +242,6 @@ fn finish(w_in: Vec3, value: Rgb, pdf: f32) -> Option<LobeSample> {
 #[derive(Clone, Copy)]
 pub struct NearEvent(Event<f32>);
 
-impl NearEvent {}
-
 impl PartialEq for NearEvent {
     fn eq(&self, other: &NearEvent) -> bool {
         (self.0.frame, self.0.offset) == (other.0.frame, other.0.offset)

@@ -8,8 +8,8 @@
 use glam::{Vec2, Vec3};
 use organza_basis::{Moments, PathRng, Rgb};
 use organza_scatter::{
-    AxialFlake, DielectricFibre, DielectricParameters, Fibre, FibreFrame, FittedFibre,
-    FittedParameters, Lobe, MicroFlake, PackedEvent, void_multiplier,
+    AxialFlake, Fibre, FibreFrame, FittedFibre, FittedParameters, Lobe, MicroFlake, PackedEvent,
+    void_multiplier,
 };
 use organza_testing::is_full;
 
@@ -282,15 +282,10 @@ fn albedos(how: How, fraction: f32, surface: &Surface, view: Vec3, walks: u64) -
 }
 
 fn dielectric(absorption_radii: f32) -> Surface {
-    Surface::Fibre(Box::new(Fibre::from(
-        DielectricFibre::new(DielectricParameters {
-            ior: 1.55,
-            absorption_radii: Rgb::splat(absorption_radii),
-            longitudinal_rad: 5f32.to_radians(),
-            azimuthal_rad: 10f32.to_radians(),
-        })
-        .unwrap(),
-    )))
+    let blurs_rad = [5f32, 10.0].map(f32::to_radians);
+    let absorption = Rgb::splat(absorption_radii);
+    let fibre = organza_testing::dielectric_fibre(absorption, blurs_rad[0], blurs_rad[1]);
+    Surface::Fibre(Box::new(fibre))
 }
 
 /// A view from above: `across_deg` in the plane across the fibres, then tilted

@@ -3,20 +3,13 @@
 
 use glam::{DVec3, Vec3};
 use organza_basis::{PathRng, Rgb, warp};
-use organza_scatter::{
-    DielectricFibre, DielectricParameters, Fibre, Ply, PlyCorrection, PlyParameters, PlyPlace,
-};
+use organza_scatter::{Ply, PlyCorrection, PlyParameters, PlyPlace};
 
 const SEED: u64 = 0x91f;
 const RADIUS_MM: f32 = 0.06;
 
 fn ply(twist_rad_per_mm: f32, fibres: f32) -> Ply {
-    let fibre = DielectricParameters {
-        ior: 1.55,
-        absorption_radii: Rgb::new(0.1, 0.2, 0.4),
-        longitudinal_rad: 0.12,
-        azimuthal_rad: 0.3,
-    };
+    let fibre = organza_testing::dielectric_fibre(Rgb::new(0.1, 0.2, 0.4), 0.12, 0.3);
     let parameters = PlyParameters {
         radius_mm: RADIUS_MM,
         fibre_radius_mm: 0.006,
@@ -24,7 +17,6 @@ fn ply(twist_rad_per_mm: f32, fibres: f32) -> Ply {
         twist_rad_per_mm,
         correction: PlyCorrection::default(),
     };
-    let fibre = Fibre::from(DielectricFibre::new(fibre).unwrap());
     Ply::new(parameters, fibre).unwrap()
 }
 

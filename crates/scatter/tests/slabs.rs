@@ -7,11 +7,10 @@ use organza_basis::hypothesis::{sidak, welch_test, z_test};
 use organza_basis::{FibrePopulation, Mixture, Moments, PathRng, Rgb};
 use organza_scatter::virtual_fibres::tangent_sample;
 use organza_scatter::{
-    AxialFlake, BandFlakes, DielectricFibre, DielectricParameters, DiffuseFlake, Fibre,
-    FittedFibre, FittedParameters, GaussianBand, Lobe, LobeSample, MicroFlake, Sggx,
+    AxialFlake, BandFlakes, DiffuseFlake, Fibre, GaussianBand, Lobe, LobeSample, MicroFlake, Sggx,
     SpecularFlakes, meet_fibre, sigma_t_per_mm,
 };
-use organza_testing::sized;
+use organza_testing::{dielectric_fibre, fitted_fibre, sized};
 
 fn draws(small: u64) -> u64 {
     sized(small, 40 * small)
@@ -43,6 +42,11 @@ impl<F: MicroFlake> Medium for Mirrors<F> {
     fn event(&self, w_out: Vec3, light: Vec3, rng: &mut PathRng) -> (Rgb, Option<LobeSample>) {
         both(&self.1, w_out, light, rng)
     }
+}
+
+fn mirrors<F>(density: f32, flakes: F) -> Mirrors<F> {
+    let albedo = ALBEDO;
+    Mirrors(density, SpecularFlakes { flakes, albedo })
 }
 
 struct Diffuse<F>(f32, F, Rgb);
@@ -152,18 +156,9 @@ fn two_populations(as_published: bool) -> VirtualFibres {
             ..Default::default()
         });
     }
-    let fibre = Fibre::from(
-        DielectricFibre::new(DielectricParameters {
-            ior: 1.55,
-            absorption_radii: Rgb::new(0.01, 0.05, 0.2),
-            longitudinal_rad: 0.15,
-            azimuthal_rad: 0.3,
-        })
-        .unwrap(),
-    );
     VirtualFibres {
         mixture,
-        fibre,
+        fibre: dielectric_fibre(Rgb::new(0.01, 0.05, 0.2), 0.15, 0.3),
         as_published,
     }
 }
@@ -176,44 +171,15 @@ fn slabs_are_reciprocal() {
     let axial = AxialFlake::new(AXIS, 0.25);
     let band = BandFlakes::new(AXIS, GaussianBand::new(0.2));
     let fitted = VirtualFibres {
-        fibre: Fibre::from(
-            FittedFibre::new(FittedParameters::preset("gabardine").unwrap()).unwrap(),
-        ),
+        fibre: fitted_fibre("gabardine"),
         ..two_populations(false)
     };
-    let albedo = ALBEDO;
+    let matrix = Sggx::new(axial.matrix());
     let media: [(&str, Box<dyn Medium>); 7] = [
-        (
-            "specular",
-            Box::new(Mirrors(
-                10.0,
-                SpecularFlakes {
-                    flakes: axial,
-                    albedo,
-                },
-            )),
-        ),
-        (
-            "matrix",
-            Box::new(Mirrors(
-                10.0,
-                SpecularFlakes {
-                    flakes: Sggx::new(axial.matrix()),
-                    albedo,
-                },
-            )),
-        ),
-        (
-            "band",
-            Box::new(Mirrors(
-                15.0,
-                SpecularFlakes {
-                    flakes: band,
-                    albedo,
-                },
-            )),
-        ),
-        ("diffuse", Box::new(Diffuse(10.0, axial, albedo))),
+        ("specular", Box::new(mirrors(10.0, axial))),
+        ("matrix", Box::new(mirrors(10.0, matrix))),
+        ("band", Box::new(mirrors(15.0, band))),
+        ("diffuse", Box::new(Diffuse(10.0, axial, ALBEDO))),
         ("virtual", Box::new(two_populations(false))),
         ("fitted", Box::new(fitted)),
         ("as published", Box::new(two_populations(true))),
@@ -270,13 +236,7 @@ fn the_published_choice_is_biased() {
 #[test]
 fn a_slab_of_flakes_matches_a_walk_in_double_precision() {
     let table = include_str!("../../../tests/data/slab_f64.csv");
-    let medium = Mirrors(
-        20.0,
-        SpecularFlakes {
-            flakes: AxialFlake::new(Vec3::X, 0.2),
-            albedo: ALBEDO,
-        },
-    );
+    let medium = mirrors(20.0, AxialFlake::new(Vec3::X, 0.2));
     let rows = organza_testing::csv_numbers(table);
     assert_eq!(rows.len(), 16);
     for (row, v) in rows.iter().enumerate() {

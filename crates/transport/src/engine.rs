@@ -3,14 +3,15 @@
 
 use crate::levelled_engine::LevelledEngine;
 use crate::{
-    AnyMedium, Draping, Integrator, LevelledCloth, MAX_EVENTS, Medium, RenderSettings, Scene,
+    AnyMedium, Integrator, LevelledCloth, MAX_EVENTS, Medium, RenderSettings, Scene,
     VirtualFibreEvent, VirtualFibreMedium,
 };
-use organza_kernel::fibres::{Drape, FibreBody, FibreMatter, FibrePlane, FibreScene};
+use organza_kernel::fibres::{FibreBody, FibreMatter, FibreScene};
 use organza_kernel::{
     Backend, CPU_ENGINES, ENGINES, Engine, EngineRecord, FibreProbe, FlatScene, LaidOut, Matter,
     Refusal, Reserve, View,
 };
+use organza_mesh::Shell;
 use std::sync::Arc;
 
 /// Most bytes of the cells of a patch that is measured.
@@ -150,8 +151,8 @@ fn by_levels<'a>(
 }
 
 /// What the kernel sees of a scene whose cloths show the representation of this number: media,
-/// and what they lie over.
-fn seen<'a>(scene: &'a Scene, level: usize) -> Vec<(&'a AnyMedium, Option<&'a Arc<Draping>>)> {
+/// and the shells that they fill.
+fn seen<'a>(scene: &'a Scene, level: usize) -> Vec<(&'a AnyMedium, Option<&'a Arc<Shell>>)> {
     let part = |m: &'a AnyMedium| match m {
         AnyMedium::Levelled(cloth) => {
             let level = level.min(cloth.representation_count() - 1);
@@ -240,14 +241,14 @@ fn with_memory(why: Refusal, beside: u64, allowed: u64) -> Refusal {
 
 /// Cloths of explicit fibres, and planes, in cells.
 fn explicit_matter(
-    media: &[(&AnyMedium, Option<&Arc<Draping>>)],
+    media: &[(&AnyMedium, Option<&Arc<Shell>>)],
     max_bytes: u64,
 ) -> Result<FibreMatter, KernelRefusal> {
     let (mut bodies, mut planes) = (Vec::new(), Vec::new());
     for part in media {
         match (fibres_of(part), part.0) {
             (Some(body), _) => bodies.push(body),
-            (None, AnyMedium::Plane(plane)) => planes.push(FibrePlane::from(plane)),
+            (None, AnyMedium::Plane(plane)) => planes.push(*plane),
             _ => return Err(KernelRefusal::MixedMedia),
         }
     }
@@ -264,13 +265,12 @@ fn explicit_matter(
 
 /// Explicit fibres as the kernel takes them, flat or over a mesh; `None` of other matter.
 fn fibres_of<'a>(
-    (medium, draping): &(&'a AnyMedium, Option<&'a Arc<Draping>>),
+    (medium, shell): &(&'a AnyMedium, Option<&'a Arc<Shell>>),
 ) -> Option<FibreBody<'a>> {
     let AnyMedium::ExplicitFibres(fibres) = medium else {
         return None;
     };
-    let drape = draping.map(|d| -> Arc<dyn Drape> { Arc::<Draping>::clone(d) });
-    Some(fibres.body(drape))
+    Some(fibres.body(shell.cloned()))
 }
 
 /// Lays a scene of one medium in voxels out as plain buffers of at most `max_bytes` bytes.

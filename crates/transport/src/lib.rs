@@ -95,7 +95,7 @@ pub use organza_film::{
     PixelErrors, PixelFilter, Projection, SiteInfo, Stats, Tail, aperture_mm,
 };
 pub use organza_kernel::Refusal;
-pub use organza_kernel::fibres::{CacheMode, CachePlan, CacheReport, KeptLight, LearnWatch};
+pub use organza_kernel::fibres::{CacheMode, CachePlan, CacheReport, KeptLight, LearnWatch, Plane};
 pub use organza_kernel::packed::Switch;
 pub use organza_kernel::{
     Backend, CPU_ENGINES, ENGINES, Engine, EngineRecord, FibreProbe, FlatScene, LaidOut,

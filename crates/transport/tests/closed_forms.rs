@@ -1,15 +1,14 @@
 //! The trackers against answers known in closed form, each with a wrong twin
 //! that the same test must reject.
 
-use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
-use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, Sym3};
+use crate::scenes::{direction, orthographic, rendered, sun, white_sky};
+use glam::{DVec3, UVec3, Vec2, Vec3};
+use organza_basis::{Aabb, Moments, PathRng, Ray, Sym3};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, DirectionalLight, EnvironmentLight, Grid, GridMedium,
-    Hemisphere, Integrator, Interpolation, Light, Medium, PixelFilter, Projection, RenderSettings,
-    Scene, Stats, exact_transmittance, render, sample_collision, sample_collision_exactly,
-    stopped_transmittance, transmittance,
+    AnyMedium, Film, Grid, GridMedium, Hemisphere, Integrator, Interpolation, Light, Medium, Scene,
+    Stats, exact_transmittance, sample_collision, sample_collision_exactly, stopped_transmittance,
+    transmittance,
 };
-use std::ops::ControlFlow;
 
 const AXIS: Vec3 = Vec3::new(0.6, 0.48, 0.64);
 const END_ON: f32 = 0.3;
@@ -36,28 +35,15 @@ fn tilted() -> Sym3 {
 }
 
 fn looking_down(media: Vec<AnyMedium>, lights: Vec<Light>, pixels: u32) -> Scene {
-    let pose = CameraPose {
-        origin_mm: DVec3::new(1.0, 0.5, 3.0),
-        target_mm: DVec3::ZERO,
-        up: DVec3::Y,
-    };
-    let projection = Projection::Orthographic { width_mm: 0.1 };
-    let resolution = UVec2::splat(pixels);
     Scene {
         media,
         lights,
-        camera: Camera::new(projection, pose, resolution, PixelFilter::Box).unwrap(),
+        camera: orthographic(DVec3::new(1.0, 0.5, 3.0), DVec3::ZERO, 0.1, pixels),
     }
 }
 
-fn settings(integrator: Integrator, spp: u64, seed: u64) -> RenderSettings {
-    RenderSettings {
-        integrator,
-        samples: 0..spp,
-        max_bounces: u32::MAX,
-        seed,
-        crop: None,
-    }
+fn picture(scene: &Scene, integrator: Integrator, spp: u64, seed: u64) -> Film {
+    rendered(scene, integrator, spp, u32::MAX, seed).0
 }
 
 /// The furnace: albedo one under uniform light of one is one, whatever the
@@ -65,19 +51,11 @@ fn settings(integrator: Integrator, spp: u64, seed: u64) -> RenderSettings {
 /// and every path returns one exactly, so the mean is exact too.
 #[test]
 fn white_furnace() {
-    let light = Light::from(EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere: Hemisphere::All,
-    });
+    let light = white_sky(Hemisphere::All);
     for integrator in [Integrator::Woodcock, Integrator::Regular] {
         let medium = slab(20.0, 1.0, tilted(), Interpolation::Nearest);
         let scene = looking_down(vec![AnyMedium::Grid(medium)], vec![light.clone()], 16);
-        let (film, stats) = render(&scene, &settings(integrator, 64, 1), &|_| {
-            ControlFlow::Continue(())
-        })
-        .unwrap();
-        assert_eq!(stats.rejected, 0);
-        for (mean, se) in film.mean() {
+        for (mean, se) in picture(&scene, integrator, 64, 1).mean() {
             let tolerance = 4.0 * se + 1e-5;
             assert!(
                 (mean - 1.0).abs() < tolerance,
@@ -93,16 +71,10 @@ fn white_furnace() {
 #[test]
 fn front_and_back_furnace_add_to_one() {
     let half = |hemisphere, seed| {
-        let light = Light::from(EnvironmentLight {
-            radiance: Rgb::WHITE,
-            hemisphere,
-        });
+        let light = white_sky(hemisphere);
         let medium = slab(20.0, 1.0, tilted(), Interpolation::Nearest);
         let scene = looking_down(vec![AnyMedium::Grid(medium)], vec![light], 16);
-        let done = render(&scene, &settings(Integrator::Woodcock, 64, seed), &|_| {
-            ControlFlow::Continue(())
-        });
-        done.unwrap().0.mean()[0]
+        picture(&scene, Integrator::Woodcock, 64, seed).mean()[0]
     };
     let (front, back) = (half(Hemisphere::Front, 2), half(Hemisphere::Back, 3));
     let se = front.1.hypot(back.1);
@@ -124,10 +96,7 @@ fn beer_lambert_at_every_angle_to_the_fibre() {
         let mut twin_rejected = 0;
         for (k, theta) in [0.0f32, 20.0, 40.0, 55.0, 70.0].iter().enumerate() {
             for phi in [0.0f32, 45.0, 140.0, 250.0] {
-                let w = -organza_basis::warp::direction_from_angles(
-                    theta.to_radians(),
-                    phi.to_radians(),
-                );
+                let w = -direction(*theta, phi);
                 let ray = Ray::new(Vec3::new(0.03, 0.02, 0.0) - 5.0 * w, w);
                 let local = medium.cell_grid().clip(&ray, f64::INFINITY).unwrap();
                 let mut rng = PathRng::new(4, k as u64, phi as u64);
@@ -227,18 +196,12 @@ fn superposed_media_add() {
             .iter()
             .map(|&p| AnyMedium::Grid(slab(p, 0.8, tilted(), Interpolation::Nearest)))
             .collect();
-        let light = Light::from(DirectionalLight {
-            direction: Vec3::new(0.3, 0.1, -0.9).normalize(),
-            irradiance: Rgb::WHITE,
-        });
+        let light = sun(Vec3::new(0.3, 0.1, -0.9), 1.0);
         looking_down(media, vec![light], 16)
     };
     let mean = |parts: &[f32], integrator, seed| {
         let scene = scene(parts);
-        let done = render(&scene, &settings(integrator, 128, seed), &|_| {
-            ControlFlow::Continue(())
-        });
-        done.unwrap().0.mean()[0]
+        picture(&scene, integrator, 128, seed).mean()[0]
     };
     let whole = mean(&[12.0], Integrator::Woodcock, 6);
     let split = mean(&[5.0, 7.0], Integrator::Woodcock, 7);
@@ -257,22 +220,14 @@ fn superposed_media_add() {
 #[test]
 fn same_bits_on_one_and_two_threads() {
     let medium = slab(20.0, 0.7, tilted(), Interpolation::Trilinear);
-    let light = Light::from(DirectionalLight {
-        direction: Vec3::NEG_Z,
-        irradiance: Rgb::WHITE,
-    });
+    let light = sun(Vec3::NEG_Z, 1.0);
     let scene = looking_down(vec![AnyMedium::Grid(medium)], vec![light], 24);
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
             .unwrap();
-        pool.install(|| {
-            let done = render(&scene, &settings(Integrator::Woodcock, 20, 10), &|_| {
-                ControlFlow::Continue(())
-            });
-            done.unwrap().0
-        })
+        pool.install(|| picture(&scene, Integrator::Woodcock, 20, 10))
     };
     assert!(on(1) == on(2));
 }
@@ -282,29 +237,16 @@ fn same_bits_on_one_and_two_threads() {
 /// the same.
 #[test]
 fn a_camera_ten_metres_away_sees_the_same() {
-    let light = Light::from(EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere: Hemisphere::Back,
-    });
+    let light = white_sky(Hemisphere::Back);
     let at = |distance: f64, seed| {
         let medium = slab(20.0, 0.9, tilted(), Interpolation::Nearest);
         let direction = DVec3::new(1.0, 0.5, 3.0).normalize();
-        let pose = CameraPose {
-            origin_mm: distance * direction,
-            target_mm: DVec3::ZERO,
-            up: DVec3::Y,
-        };
-        let projection = Projection::Orthographic { width_mm: 0.1 };
-        let camera = Camera::new(projection, pose, UVec2::splat(16), PixelFilter::Box).unwrap();
         let scene = Scene {
             media: vec![AnyMedium::Grid(medium)],
             lights: vec![light.clone()],
-            camera,
+            camera: orthographic(distance * direction, DVec3::ZERO, 0.1, 16),
         };
-        let done = render(&scene, &settings(Integrator::Woodcock, 128, seed), &|_| {
-            ControlFlow::Continue(())
-        });
-        done.unwrap().0.mean()[0]
+        picture(&scene, Integrator::Woodcock, 128, seed).mean()[0]
     };
     let (near, far) = (at(3.0, 11), at(1e4, 12));
     let inside = at(0.0001, 13);

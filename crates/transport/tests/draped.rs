@@ -1,16 +1,16 @@
 //! Cloth over meshes and sheets: against flat cloth, and in the furnace.
 
+use crate::scenes::{mesh, orthographic, rendered, sun, white_sky};
 use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
 use organza_basis::{Aabb, Moments, PathRng, Rgb, Sym3, warp};
 use organza_mesh::{DrapedMesh, Mesh, Shell, Vertex};
 use organza_scatter::{Footprint, LobeSample, Surface};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, CellGrid, DirectionalLight, Draping, EnvironmentLight, Film,
-    Grid, GridMedium, Hemisphere, Integrator, Interpolation, LevelSteps, LevelledCloth, Light,
-    PixelFilter, Projection, RenderSettings, Scene, Stats, render, trace_from,
+    AnyMedium, Camera, CameraPose, CellGrid, Draping, EnvironmentLight, Film, Grid, GridMedium,
+    Hemisphere, Integrator, Interpolation, LevelSteps, LevelledCloth, Light, PixelFilter,
+    Projection, Scene, Stats, trace_from,
 };
 use std::f32::consts::FRAC_1_PI;
-use std::ops::ControlFlow;
 
 const HALF_MM: f32 = 0.15;
 
@@ -36,33 +36,6 @@ fn tile(albedo: f32) -> AnyMedium {
     AnyMedium::Grid(medium.unwrap())
 }
 
-/// A rectangle of cloth, `bend` taking its places to the world: position and
-/// normal.
-fn mesh(size_mm: Vec2, cells: UVec2, bend: impl Fn(Vec2) -> (Vec3, Vec3)) -> Mesh {
-    let vertex = |i: u32, j: u32| {
-        let uv_mm = Vec2::new(i as f32, j as f32) / cells.as_vec2() * size_mm - 0.5 * size_mm;
-        let (position_mm, normal) = bend(uv_mm);
-        let id = j * (cells.x + 1) + i;
-        let vertex = Vertex {
-            position_mm,
-            normal,
-            uv_mm,
-        };
-        (vertex, id)
-    };
-    let (mut triangles, mut corners) = (Vec::new(), Vec::new());
-    for j in 0..cells.y {
-        for i in 0..cells.x {
-            let quad = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(i, j)| vertex(i, j));
-            for face in [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]] {
-                triangles.push(face.map(|v| v.0));
-                corners.push(face.map(|v| v.1));
-            }
-        }
-    }
-    Mesh::new(triangles, &corners).unwrap()
-}
-
 fn over(mesh: Mesh, volume: AnyMedium) -> AnyMedium {
     let shell = Shell::new(&mesh, -HALF_MM, HALF_MM).unwrap();
     let draping = Draping::new(DrapedMesh::new(mesh), Some(shell));
@@ -85,24 +58,19 @@ fn scene(media: Vec<AnyMedium>, lights: Vec<Light>) -> Scene {
 }
 
 fn picture(scene: &Scene, integrator: Integrator, seed: u64) -> Film {
-    let settings = RenderSettings {
+    rendered(
+        scene,
         integrator,
-        samples: 0..organza_testing::sized(128, 2048),
-        max_bounces: 40,
+        organza_testing::sized(128, 2048),
+        40,
         seed,
-        crop: None,
-    };
-    render(scene, &settings, &|_| ControlFlow::Continue(()))
-        .unwrap()
-        .0
+    )
+    .0
 }
 
 fn lamps() -> Vec<Light> {
     vec![
-        Light::from(DirectionalLight {
-            direction: Vec3::new(0.4, 0.3, -0.87).normalize(),
-            irradiance: Rgb::splat(2.0),
-        }),
+        sun(Vec3::new(0.4, 0.3, -0.87), 2.0),
         Light::from(EnvironmentLight {
             radiance: Rgb::new(0.3, 0.2, 0.1),
             hemisphere: Hemisphere::Back,
@@ -178,13 +146,6 @@ fn furnace(scene: &Scene, paths: u64, seed: u64) -> Moments {
     moments
 }
 
-fn sky() -> Vec<Light> {
-    vec![Light::from(EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere: Hemisphere::All,
-    })]
-}
-
 fn cylinder(radius_mm: f32) -> impl Fn(Vec2) -> (Vec3, Vec3) {
     move |uv: Vec2| {
         let (s, c) = (uv.x / radius_mm).sin_cos();
@@ -197,8 +158,11 @@ fn cylinder(radius_mm: f32) -> impl Fn(Vec2) -> (Vec3, Vec3) {
 #[test]
 fn a_bent_patch_conserves_energy() {
     let bent = |albedo| {
-        let bent = mesh(Vec2::new(6.0, 4.0), UVec2::new(24, 4), cylinder(2.0));
-        scene(vec![over(bent, tile(albedo))], sky())
+        let bent = mesh(Vec2::new(6.0, 4.0), UVec2::new(24, 4), &cylinder(2.0));
+        scene(
+            vec![over(bent, tile(albedo))],
+            vec![white_sky(Hemisphere::All)],
+        )
     };
     let seen = furnace(&bent(1.0), 4000, 5);
     let se = seen.standard_error();
@@ -273,7 +237,7 @@ fn paper(gap: f32, back: f32, over: Option<Mesh>) -> AnyMedium {
 fn sheets_conserve_energy_flat_and_over_a_mesh() {
     // Faces with normals of their own: no interpolated normal hides light.
     let gutter = |uv: Vec2| (Vec3::new(uv.x, uv.y, 0.4 * uv.x.abs()), Vec3::ZERO);
-    let smooth = mesh(Vec2::splat(4.0), UVec2::new(2, 1), gutter);
+    let smooth = mesh(Vec2::splat(4.0), UVec2::new(2, 1), &gutter);
     let faces: Vec<_> = smooth.triangles().to_vec();
     let faces = faces.into_iter().map(|f| {
         f.map(|v| Vertex {
@@ -284,7 +248,14 @@ fn sheets_conserve_energy_flat_and_over_a_mesh() {
     let apart: Vec<[u32; 3]> = (0..4).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     let faceted = Mesh::new(faces.collect(), &apart).unwrap();
     for over in [None, Some(faceted)] {
-        let seen = furnace(&scene(vec![paper(0.3, 0.6, over)], sky()), 2000, 7);
+        let seen = furnace(
+            &scene(
+                vec![paper(0.3, 0.6, over)],
+                vec![white_sky(Hemisphere::All)],
+            ),
+            2000,
+            7,
+        );
         assert!(
             (seen.mean - 1.0).abs() < 4.0 * f64::from(f32::EPSILON),
             "seed 7: {}",
@@ -299,13 +270,10 @@ fn sheets_conserve_energy_flat_and_over_a_mesh() {
 #[test]
 fn lit_paper_has_its_closed_form() {
     let (gap, back) = (0.25, 0.6);
-    let lamp = Light::from(DirectionalLight {
-        direction: Vec3::new(0.6, 0.0, -0.8),
-        irradiance: Rgb::splat(3.0),
-    });
+    let lamp = sun(Vec3::new(0.6, 0.0, -0.8), 3.0);
     let flat = scene(vec![paper(gap, back, None)], vec![lamp.clone()]);
     let plane = |uv: Vec2| (uv.extend(0.1), Vec3::Z);
-    let wide = mesh(Vec2::splat(40.0), UVec2::ONE, plane);
+    let wide = mesh(Vec2::splat(40.0), UVec2::ONE, &plane);
     let draped = scene(vec![paper(gap, back, Some(wide))], vec![lamp.clone()]);
     for scene in [&flat, &draped] {
         for (from, share) in [(1.0, back), (-1.0, 1.0 - back)] {
@@ -338,23 +306,9 @@ fn lit_paper_has_its_closed_form() {
 /// A path meets one representation; the mean over paths is their blend.
 #[test]
 fn levels_blend_by_the_width_of_the_pixel() {
-    let lamp = || {
-        vec![Light::from(EnvironmentLight {
-            radiance: Rgb::WHITE,
-            hemisphere: Hemisphere::Back,
-        })]
-    };
     let bounds = Aabb::new(Vec3::new(0.0, 0.0, -0.2), Vec3::ONE);
     let cell_grid = CellGrid::new(bounds, UVec3::ONE, true).unwrap();
-    let camera = |width_mm: f64| {
-        let pose = CameraPose {
-            origin_mm: DVec3::Z * 5.0,
-            target_mm: DVec3::ZERO,
-            up: DVec3::Y,
-        };
-        let projection = Projection::Orthographic { width_mm };
-        Camera::new(projection, pose, UVec2::splat(16), PixelFilter::Box).unwrap()
-    };
+    let camera = |width_mm| orthographic(5.0 * DVec3::Z, DVec3::ZERO, width_mm, 16);
     // All straight through, then a sheet that hides half of what is behind.
     let empty = AnyMedium::Grid(
         GridMedium::new(
@@ -376,7 +330,7 @@ fn levels_blend_by_the_width_of_the_pixel() {
     let media = vec![AnyMedium::Levelled(Box::new(cloth))];
     let mut scene = Scene {
         media,
-        lights: lamp(),
+        lights: vec![white_sky(Hemisphere::Back)],
         camera: camera(1.0),
     };
     for (pixel_mm, weight) in [(0.05, 0.0), (0.2, 0.5), (0.5, 1.0)] {

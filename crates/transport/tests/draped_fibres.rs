@@ -1,13 +1,13 @@
 //! Explicit fibres over a mesh: against flat fibres, and in the furnace.
 
+use crate::scenes::{mesh, orthographic, sun, white_sky};
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use organza_basis::{Moments, PathRng, Ray, Rgb, unwatched, warp};
-use organza_mesh::{DrapedMesh, Mesh, Shell, Vertex};
+use organza_mesh::{DrapedMesh, Mesh, Shell};
 use organza_testing::{dielectric_fibre, sized, twisted_weave};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, DirectionalLight, Draping, EnvironmentLight, ExplicitFibres,
-    Hemisphere, Integrator, LevelSteps, LevelledCloth, Light, PixelFilter, Projection, Scene,
-    Stats, trace_from,
+    AnyMedium, Draping, EnvironmentLight, ExplicitFibres, Hemisphere, Integrator, LevelSteps,
+    LevelledCloth, Light, Scene, Stats, trace_from,
 };
 
 /// Of the tile of [`twisted_weave`].
@@ -20,32 +20,6 @@ fn fibres(absorption_radii: f32) -> AnyMedium {
     AnyMedium::ExplicitFibres(made)
 }
 
-/// A square of cloth about the origin of the cloth, `bend` taking its places to the
-/// world: position and normal.
-fn mesh(side_mm: f32, cells: u32, bend: &dyn Fn(Vec2) -> (Vec3, Vec3)) -> Mesh {
-    let vertex = |i: u32, j: u32| {
-        let uv_mm = (Vec2::new(i as f32, j as f32) / cells as f32 - 0.5) * side_mm;
-        let (position_mm, normal) = bend(uv_mm);
-        let vertex = Vertex {
-            position_mm,
-            normal,
-            uv_mm,
-        };
-        (vertex, j * (cells + 1) + i)
-    };
-    let (mut triangles, mut corners) = (Vec::new(), Vec::new());
-    for j in 0..cells {
-        for i in 0..cells {
-            let quad = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(i, j)| vertex(i, j));
-            for face in [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]] {
-                triangles.push(face.map(|v| v.0));
-                corners.push(face.map(|v| v.1));
-            }
-        }
-    }
-    Mesh::new(triangles, &corners).unwrap()
-}
-
 fn over(mesh: Mesh, fibres: AnyMedium) -> AnyMedium {
     // The middle of the tile lies on the mesh.
     let shell = Shell::new(&mesh, 0.0, HEIGHT_MM).unwrap();
@@ -55,16 +29,10 @@ fn over(mesh: Mesh, fibres: AnyMedium) -> AnyMedium {
 }
 
 fn scene(medium: AnyMedium, lights: Vec<Light>) -> Scene {
-    let pose = CameraPose {
-        origin_mm: DVec3::new(0.0, 0.0, 9.0),
-        target_mm: DVec3::ZERO,
-        up: DVec3::Y,
-    };
-    let projection = Projection::Orthographic { width_mm: 1.0 };
     Scene {
         media: vec![medium],
         lights,
-        camera: Camera::new(projection, pose, UVec2::splat(4), PixelFilter::Box).unwrap(),
+        camera: orthographic(9.0 * DVec3::Z, DVec3::ZERO, 1.0, 4),
     }
 }
 
@@ -88,24 +56,14 @@ fn seen(
     (radiance, straight)
 }
 
-fn sun() -> Vec<Light> {
+fn lamps() -> Vec<Light> {
     vec![
-        Light::from(DirectionalLight {
-            direction: Vec3::new(0.3, 0.2, -0.93).normalize(),
-            irradiance: Rgb::splat(2.0),
-        }),
+        sun(Vec3::new(0.3, 0.2, -0.93), 2.0),
         Light::from(EnvironmentLight {
             radiance: Rgb::splat(0.5),
             hemisphere: Hemisphere::Back,
         }),
     ]
-}
-
-fn sky() -> Vec<Light> {
-    vec![Light::from(EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere: Hemisphere::All,
-    })]
 }
 
 fn paths() -> u64 {
@@ -132,9 +90,15 @@ fn a_flat_mesh_shows_the_flat_fibres() {
         let (from, w) = down(rng);
         (from + DVec3::new(0.0, 0.0, f64::from(0.5 * HEIGHT_MM)), w)
     };
-    let flat = seen(&scene(fibres(0.0), sun()), paths(), 1, &lifted);
+    let flat = seen(&scene(fibres(0.0), lamps()), paths(), 1, &lifted);
     let plane = |uv: Vec2| (uv.extend(0.0), Vec3::Z);
-    let draped = scene(over(mesh(12.0, 3, &plane), fibres(0.0)), sun());
+    let draped = scene(
+        over(
+            mesh(Vec2::splat(12.0), UVec2::splat(3), &plane),
+            fibres(0.0),
+        ),
+        lamps(),
+    );
     let same = seen(&draped, paths(), 2, &down);
     let (radiance, straight) = (z(&flat.0, &same.0), z(&flat.1, &same.1));
     // Margin: four standard errors, here and below.
@@ -146,7 +110,13 @@ fn a_flat_mesh_shows_the_flat_fibres() {
         straight.abs() < 4.0,
         "seeds 1 and 2: gaps differ by {straight}"
     );
-    let dark = scene(over(mesh(12.0, 3, &plane), fibres(0.5)), sun());
+    let dark = scene(
+        over(
+            mesh(Vec2::splat(12.0), UVec2::splat(3), &plane),
+            fibres(0.5),
+        ),
+        lamps(),
+    );
     let other = z(&flat.0, &seen(&dark, paths(), 2, &down).0);
     assert!(other.abs() > 8.0, "darker fibres pass with {other}");
 }
@@ -166,7 +136,13 @@ fn hits_are_those_of_flat_fibres() {
 
 fn hits_are_the_same(turn: Mat3, shift: Vec3) {
     let turned = |uv: Vec2| (turn * uv.extend(0.0) + shift, turn * Vec3::Z);
-    let (flat, draped) = (fibres(0.0), over(mesh(12.0, 4, &turned), fibres(0.0)));
+    let (flat, draped) = (
+        fibres(0.0),
+        over(
+            mesh(Vec2::splat(12.0), UVec2::splat(4), &turned),
+            fibres(0.0),
+        ),
+    );
     let (flat, draped) = (scene(flat, Vec::new()), scene(draped, Vec::new()));
     let place = |p: Vec3| (turn * p).as_dvec3() + shift.as_dvec3();
     let mut counts = [0u32; 3];
@@ -225,8 +201,18 @@ fn a_stretched_and_bent_patch_keeps_all_light() {
         let aim = DVec3::new(0.0, 0.0, 0.3) * f64::from(rng.unit());
         (aim - 10.0 * w, w.normalize())
     };
-    let patch = |absorption| over(mesh(2.0, 12, &bend), fibres(absorption));
-    let (kept, straight) = seen(&scene(patch(0.0), sky()), paths(), 5, &around);
+    let patch = |absorption| {
+        over(
+            mesh(Vec2::splat(2.0), UVec2::splat(12), &bend),
+            fibres(absorption),
+        )
+    };
+    let (kept, straight) = seen(
+        &scene(patch(0.0), vec![white_sky(Hemisphere::All)]),
+        paths(),
+        5,
+        &around,
+    );
     let se = kept.standard_error();
     // What the tables of the lobes are off, over some ten events.
     // Margin: half of the bound is four standard errors.
@@ -240,7 +226,13 @@ fn a_stretched_and_bent_patch_keeps_all_light() {
         "seed 5: {} of the rays meet nothing",
         straight.mean
     );
-    let lossy = seen(&scene(patch(0.05), sky()), paths(), 5, &around).0;
+    let lossy = seen(
+        &scene(patch(0.05), vec![white_sky(Hemisphere::All)]),
+        paths(),
+        5,
+        &around,
+    )
+    .0;
     let bound = 1.0 - 4.0 * lossy.standard_error() - 2e-3;
     assert!(lossy.mean < bound, "the twin passes with {}", lossy.mean);
 }

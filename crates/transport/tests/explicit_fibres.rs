@@ -1,19 +1,17 @@
 //! Explicit fibres, traced, against closed forms, brute-force ray optics and the
 //! media that stand for them.
 
-use glam::{DVec3, UVec2, Vec2, Vec3};
+use crate::scenes::{direction, octree, orthographic, rendered, sun, white_sky};
+use glam::{DVec3, Vec2, Vec3};
 use organza_basis::curve::{Segment, SegmentList, Tile};
-use organza_basis::{Aabb, Moments, PathRng, Rgb, unwatched, warp};
+use organza_basis::{Aabb, Moments, PathRng, Rgb, unwatched};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
 use organza_testing::{csv_numbers, dielectric_fibre};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, DirectionalLight, EnvironmentLight, ExplicitFibres, Film,
-    Hemisphere, Integrator, Light, PixelFilter, Projection, RenderSettings, Scene, Stats,
-    VirtualFibreEvent, VirtualFibreMedium, render, trace_from,
+    AnyMedium, ExplicitFibres, Film, Hemisphere, Integrator, Light, PathSample, Scene, Stats,
+    VirtualFibreEvent, VirtualFibreMedium, trace_from,
 };
-use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
 use std::f32::consts::PI;
-use std::ops::ControlFlow;
 
 const RADIUS_MM: f32 = 0.008;
 
@@ -27,10 +25,6 @@ fn dielectric(absorption_radii: f32, blur_rad: [f32; 2]) -> Fibre {
 
 fn rough(absorption_radii: f32) -> Fibre {
     dielectric(absorption_radii, [0.12, 0.25])
-}
-
-fn direction(theta_deg: f32, phi_deg: f32) -> Vec3 {
-    warp::direction_from_angles(theta_deg.to_radians(), phi_deg.to_radians())
 }
 
 /// Parallel fibres along x, strewn over a slab of a packing, overlapping as
@@ -64,30 +58,25 @@ fn traced(source: &SegmentList, fibre: Fibre) -> AnyMedium {
 
 fn scene(media: Vec<AnyMedium>, lights: Vec<Light>, view: Vec3, size: u32) -> Scene {
     let middle = DVec3::new(0.05, 0.05, 0.06);
-    let pose = CameraPose {
-        origin_mm: middle + 3.0 * view.as_dvec3(),
-        target_mm: middle,
-        up: DVec3::Y,
-    };
-    let projection = Projection::Orthographic { width_mm: 0.2 };
     Scene {
         media,
         lights,
-        camera: Camera::new(projection, pose, UVec2::splat(size), PixelFilter::Box).unwrap(),
+        camera: orthographic(middle + 3.0 * view.as_dvec3(), middle, 0.2, size),
     }
 }
 
 fn picture(scene: &Scene, spp: u64, seed: u64) -> (Film, Stats) {
-    let settings = RenderSettings {
-        integrator: Integrator::Woodcock,
-        samples: 0..spp,
-        max_bounces: u32::MAX,
-        seed,
-        crop: None,
-    };
-    let (film, stats) = render(scene, &settings, &|_| ControlFlow::Continue(())).unwrap();
-    assert_eq!((stats.rejected, stats.majorant_violations), (0, 0));
-    (film, stats)
+    rendered(scene, Integrator::Woodcock, spp, u32::MAX, seed)
+}
+
+/// A path under no light.
+fn traced_from(
+    scene: &Scene,
+    ray: (DVec3, DVec3),
+    rng: &mut PathRng,
+    stats: &mut Stats,
+) -> PathSample {
+    trace_from(scene, &[], ray, Integrator::Woodcock, u32::MAX, rng, stats)
 }
 
 /// Dense fibres that absorb nothing, under light from everywhere, look like no
@@ -95,10 +84,7 @@ fn picture(scene: &Scene, spp: u64, seed: u64) -> (Film, Stats) {
 /// The twin absorbs a little.
 #[test]
 fn white_furnace() {
-    let everywhere = Light::from(EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere: Hemisphere::All,
-    });
+    let everywhere = white_sky(Hemisphere::All);
     let source = strewn(0.4, Vec3::new(0.2, 0.2, 0.12), 1);
     let off = |absorption: f32| {
         let media = vec![traced(&source, rough(absorption))];
@@ -154,15 +140,7 @@ fn one_cylinder_keeps_the_energy_of_ray_optics() {
                 let h = 0.2 * rng.unit() - 0.1;
                 let from = Vec3::new(0.0, h, 0.0) - 0.2 / cos * d;
                 let ray = (from.as_dvec3(), d.as_dvec3());
-                let sample = trace_from(
-                    &scene,
-                    &[],
-                    ray,
-                    Integrator::Woodcock,
-                    u32::MAX,
-                    &mut rng,
-                    &mut stats,
-                );
+                let sample = traced_from(&scene, ray, &mut rng, &mut stats);
                 (sample.bounces > 0).then(|| 1.0 - f64::from(sample.absorbed.0.x))
             })
             .collect();
@@ -180,10 +158,7 @@ fn one_cylinder_keeps_the_energy_of_ray_optics() {
     assert!(twin_rejected > 6, "seed 31: {twin_rejected}");
 }
 
-/// Where a path's light goes: up, down, and straight through.
-#[derive(Default)]
-struct Shares([Moments; 3]);
-
+/// Where the light of paths goes: up, down, and straight through.
 fn shares(medium: AnyMedium, view: Vec3, size_mm: Vec3, paths: u64, seed: u64) -> [f64; 3] {
     let scene = scene(vec![medium], Vec::new(), Vec3::Z, 1);
     let mut stats = Stats::default();
@@ -192,15 +167,7 @@ fn shares(medium: AnyMedium, view: Vec3, size_mm: Vec3, paths: u64, seed: u64) -
         let mut rng = PathRng::new(seed, 1, i);
         let from = Vec3::new(rng.unit(), rng.unit(), 0.5) * size_mm + 3.0 * view;
         let ray = (from.as_dvec3(), -view.as_dvec3());
-        let path = trace_from(
-            &scene,
-            &[],
-            ray,
-            Integrator::Woodcock,
-            u32::MAX,
-            &mut rng,
-            &mut stats,
-        );
+        let path = traced_from(&scene, ray, &mut rng, &mut stats);
         if let Some(escape) = path.escape {
             let kind = match path.first {
                 None => 2,
@@ -227,13 +194,7 @@ fn thinly_strewn_fibres_are_the_medium() {
     let medium = |packing: f32, event: VirtualFibreEvent| {
         // One voxel as high as the slab: nothing of the places is left.
         let source = strewn(packing, size_mm, 2);
-        let options = VoxelizeOptions {
-            voxel_mm: size_mm.z,
-            levels: Some(1),
-            footprint: FibreFootprint::Axis,
-            max_memory_bytes: None,
-        };
-        let octree = voxelize(&source, &options, &unwatched).unwrap();
+        let octree = octree(&source, size_mm.z, 1);
         AnyMedium::VirtualFibres(
             VirtualFibreMedium::new(octree, 0, vec![fibre.clone()], event).unwrap(),
         )
@@ -243,25 +204,25 @@ fn thinly_strewn_fibres_are_the_medium() {
         .into_iter()
         .enumerate()
     {
-        let mut explicit = Shares::default();
+        let mut explicit = [Moments::default(); 3];
         for r in 0..realisations {
             let source = strewn(packing, size_mm, 100 + r);
             let one = shares(traced(&source, fibre.clone()), view, size_mm, paths, 41 + r);
-            for (m, x) in explicit.0.iter_mut().zip(one) {
+            for (m, x) in explicit.iter_mut().zip(one) {
                 m.add(x);
             }
         }
         let compare = |medium: &dyn Fn() -> AnyMedium| {
             let blocks =
                 (0..realisations / 4).map(|b| shares(medium(), view, size_mm, 4 * paths, 9000 + b));
-            let mut volume = Shares::default();
+            let mut volume = [Moments::default(); 3];
             for one in blocks {
-                for (m, x) in volume.0.iter_mut().zip(one) {
+                for (m, x) in volume.iter_mut().zip(one) {
                     m.add(x);
                 }
             }
             [0, 1, 2].map(|i| {
-                let (a, b) = (&explicit.0[i], &volume.0[i]);
+                let (a, b) = (&explicit[i], &volume[i]);
                 let se = a.standard_error().hypot(b.standard_error());
                 println!(
                     "view {k}, {i}: {:.5} against {:.5} +- {se:.5}",
@@ -284,10 +245,7 @@ fn thinly_strewn_fibres_are_the_medium() {
 /// Same seed, same bits on any number of threads; another seed, others.
 #[test]
 fn threads_change_nothing() {
-    let sun = Light::from(DirectionalLight {
-        direction: -direction(30.0, 20.0),
-        irradiance: Rgb::WHITE,
-    });
+    let sun = sun(-direction(30.0, 20.0), 1.0);
     let on = |threads: usize, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         pool.build().unwrap().install(|| {

@@ -2,13 +2,13 @@
 //! lost, however light is gathered, and free flight that agrees with the closed
 //! form.
 
+use crate::furnace::gather;
 use glam::Vec3;
 use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::hypothesis::{t_test, welch_test};
 use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, unwatched, warp};
 use organza_transport::{
-    FlakeFamily, FlakeOctreeMedium, FlakeOptics, Medium, Stats, exact_transmittance,
-    sample_collision, transmittance,
+    FlakeFamily, FlakeOctreeMedium, FlakeOptics, Medium, Stats, exact_transmittance, transmittance,
 };
 use organza_volume::{FibreFootprint, Octree, VoxelizeOptions, voxelize};
 
@@ -52,49 +52,6 @@ fn draws(small: u32) -> u32 {
     organza_testing::sized(small, 20 * small)
 }
 
-/// One path of a furnace of radiance one, each event gathering a uniform
-/// direction and a drawn one by the balance heuristic: directions, densities and
-/// values must all belong together.
-fn gather<M: Medium>(medium: &M, w: Vec3, rng: &mut PathRng) -> f64 {
-    let mut stats = Stats::default();
-    let mut ray = Ray::new(Vec3::splat(0.12) - w, w);
-    let (mut sum, mut throughput) = (0.0f64, 1.0f64);
-    let mut drawn_pdf = None::<f32>;
-    let balance = |a: f32, b: f32| f64::from(a / (a + b));
-    loop {
-        let local = medium.cell_grid().clip(&ray, f64::INFINITY);
-        let hit = local
-            .as_ref()
-            .and_then(|l| sample_collision(medium, l, rng, &mut stats).map(|h| (l, h)));
-        let Some((local, (t, site))) = hit else {
-            assert_eq!(stats.majorant_violations, 0);
-            let weight = drawn_pdf.map_or(1.0, |p| balance(p, warp::UNIFORM_SPHERE_PDF));
-            return sum + throughput * weight;
-        };
-        let at = ray.at(local.t_entry + f64::from(t));
-        let w_out = -ray.direction;
-        let site = medium.draw_event(site, w_out, rng);
-        let w_light = warp::uniform_sphere(rng.unit2());
-        let through = medium
-            .cell_grid()
-            .clip(&Ray::new(at, w_light), f64::INFINITY)
-            .map_or(1.0, |l| transmittance(medium, &l, rng, &mut stats));
-        let pdf = medium.pdf(&site, w_out, w_light);
-        let value = medium.eval(&site, w_out, w_light).0.x;
-        let weight = balance(warp::UNIFORM_SPHERE_PDF, pdf);
-        sum += throughput * weight * f64::from(value * through / warp::UNIFORM_SPHERE_PDF);
-        let Some(scatter) = medium.sample(&site, w_out, rng) else {
-            return sum;
-        };
-        throughput *= f64::from(scatter.weight.0.x);
-        if throughput < 1e-3 {
-            return sum;
-        }
-        drawn_pdf = Some(scatter.pdf);
-        ray = Ray::new(at, scatter.w_in);
-    }
-}
-
 #[test]
 fn the_furnace_is_one_for_every_family() {
     let w = -Vec3::new(1.0, 0.5, 3.0).normalize();
@@ -102,7 +59,7 @@ fn the_furnace_is_one_for_every_family() {
         let medium = flakes_at(level, family, albedo);
         let mut rng = PathRng::from_seed(92);
         let gathered: Moments = (0..draws(8_000))
-            .map(|_| gather(&medium, w, &mut rng))
+            .map(|_| gather(&medium, Ray::new(Vec3::splat(0.12) - w, w), &mut rng))
             .collect();
         (t_test(&gathered, 1.0).p_value, gathered)
     };

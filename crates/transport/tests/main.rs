@@ -11,4 +11,5 @@ mod furnace;
 mod kernel;
 mod lights;
 mod outlines;
+mod scenes;
 mod virtual_fibre_medium;

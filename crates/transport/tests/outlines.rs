@@ -1,6 +1,7 @@
 //! Coarse cells that keep the outline of their matter: gaps stay open, and nothing of the
 //! fibre is lost.
 
+use crate::scenes::octree;
 use glam::{DVec3, UVec3, Vec3};
 use organza_basis::hypothesis::{t_test, welch_test};
 use organza_basis::{FibrePopulation, Mixture, Moments, PathRng, Ray, Rgb, unwatched};
@@ -165,13 +166,7 @@ fn gaps_stay_open_to_virtual_fibres() {
 /// Virtual fibres find in every cell what the octree has there.
 #[test]
 fn virtual_fibres_are_where_the_outline_has_them() {
-    let options = VoxelizeOptions {
-        voxel_mm: 0.01,
-        levels: Some(4),
-        footprint: FibreFootprint::Axis,
-        max_memory_bytes: None,
-    };
-    let octree = Arc::new(voxelize(&little_weave(0.0, 0), &options, &unwatched).unwrap());
+    let octree = Arc::new(octree(&little_weave(0.0, 0), 0.01, 4));
     for level in 0..octree.level_count() {
         let medium = fibres(&octree, level, VirtualFibreEvent::Plain);
         let dims = medium.cell_grid().dims();

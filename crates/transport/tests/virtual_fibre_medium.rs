@@ -1,23 +1,21 @@
 //! Virtual fibres in an octree, rendered, against closed forms and against walks
 //! through a homogeneous slab that know of no octree, majorant or film.
 
-use glam::{DVec3, UVec2, Vec3};
+use crate::scenes::{direction, octree, orthographic, rendered, sun, white_sky};
+use glam::{DVec3, Vec3};
 use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::hypothesis::SphereGrid;
-use organza_basis::{Aabb, FibrePopulation, Mixture, Moments, PathRng, Ray, Rgb, unwatched, warp};
+use organza_basis::{Aabb, FibrePopulation, Mixture, Moments, PathRng, Ray, Rgb};
 use organza_scatter::{
     Fibre, FibreFrame, FittedFibre, FittedParameters, Lobe, PackedEvent, meet_fibre,
     sigma_t_per_mm, void_multiplier,
 };
 use organza_testing::{dielectric_fibre, fitted_fibre};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, DirectionalLight, EnvironmentLight, Film, Hemisphere,
-    Integrator, Light, Medium, PixelFilter, Projection, RenderSettings, Scene, Stats,
-    VirtualFibreEvent, VirtualFibreMedium, exact_transmittance, render, transmittance,
+    AnyMedium, Film, Hemisphere, Integrator, Light, Medium, Scene, Stats, VirtualFibreEvent,
+    VirtualFibreMedium, exact_transmittance, transmittance,
 };
-use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
 use std::f32::consts::PI;
-use std::ops::ControlFlow;
 
 const RADIUS_MM: f32 = 0.008;
 /// Fibres are as far apart, one a voxel.
@@ -49,14 +47,16 @@ fn slab(fibre: Fibre, event: VirtualFibreEvent) -> VirtualFibreMedium {
         bounds_mm,
         repeats: true,
     };
-    let options = VoxelizeOptions {
-        voxel_mm: VOXEL_MM,
-        levels: Some(1),
-        footprint: FibreFootprint::Axis,
-        max_memory_bytes: None,
-    };
-    let octree = voxelize(&SegmentList { tile, segments }, &options, &unwatched).unwrap();
+    let octree = octree(&SegmentList { tile, segments }, VOXEL_MM, 1);
     VirtualFibreMedium::new(octree, 0, vec![fibre], event).unwrap()
+}
+
+/// How much denser fibres appear to the rays of an event than they are.
+fn multiplier(event: VirtualFibreEvent) -> f32 {
+    match event {
+        VirtualFibreEvent::Plain => 1.0,
+        VirtualFibreEvent::Packed => void_multiplier(packing()),
+    }
 }
 
 fn dielectric(absorption_radii: f32) -> Fibre {
@@ -67,10 +67,6 @@ fn fitted() -> Fibre {
     fitted_fibre("gabardine")
 }
 
-fn direction(theta_deg: f32, phi_deg: f32) -> Vec3 {
-    warp::direction_from_angles(theta_deg.to_radians(), phi_deg.to_radians())
-}
-
 fn picture(
     medium: VirtualFibreMedium,
     light: Light,
@@ -79,27 +75,12 @@ fn picture(
     seed: u64,
 ) -> (Film, Stats) {
     let middle = DVec3::new(0.05, 0.05, f64::from(0.5 * THICKNESS_MM));
-    let pose = CameraPose {
-        origin_mm: middle + 3.0 * view.as_dvec3(),
-        target_mm: middle,
-        up: DVec3::Y,
-    };
-    let projection = Projection::Orthographic { width_mm: 0.1 };
     let scene = Scene {
         media: vec![AnyMedium::VirtualFibres(medium)],
         lights: vec![light],
-        camera: Camera::new(projection, pose, UVec2::splat(24), PixelFilter::Box).unwrap(),
+        camera: orthographic(middle + 3.0 * view.as_dvec3(), middle, 0.1, 24),
     };
-    let settings = RenderSettings {
-        integrator: Integrator::Woodcock,
-        samples: 0..spp,
-        max_bounces: u32::MAX,
-        seed,
-        crop: None,
-    };
-    let (film, stats) = render(&scene, &settings, &|_| ControlFlow::Continue(())).unwrap();
-    assert_eq!((stats.rejected, stats.majorant_violations), (0, 0));
-    (film, stats)
+    rendered(&scene, Integrator::Woodcock, spp, u32::MAX, seed)
 }
 
 fn full(small: u64) -> u64 {
@@ -111,10 +92,7 @@ fn full(small: u64) -> u64 {
 #[test]
 fn transmittance_of_parallel_fibres() {
     for event in [VirtualFibreEvent::Plain, VirtualFibreEvent::Packed] {
-        let m = match event {
-            VirtualFibreEvent::Plain => 1.0,
-            VirtualFibreEvent::Packed => void_multiplier(packing()),
-        };
+        let m = multiplier(event);
         let medium = slab(dielectric(0.0), event);
         let mut twin_rejected = false;
         let mut stats = Stats::default();
@@ -155,10 +133,7 @@ fn transmittance_of_parallel_fibres() {
 /// twin absorbs a little.
 #[test]
 fn white_furnace() {
-    let light = Light::from(EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere: Hemisphere::All,
-    });
+    let light = white_sky(Hemisphere::All);
     let view = direction(30.0, 70.0);
     for event in [VirtualFibreEvent::Plain, VirtualFibreEvent::Packed] {
         let off = |absorption: f32| {
@@ -182,10 +157,7 @@ fn white_furnace() {
 /// twin's fibres are not black.
 #[test]
 fn black_fibres_show_no_more_than_their_gloss() {
-    let light = Light::from(EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere: Hemisphere::All,
-    });
+    let light = white_sky(Hemisphere::All);
     let fibre = |colour_r: f32| {
         let parameters = FittedParameters {
             colour_r: Rgb::splat(colour_r),
@@ -203,10 +175,7 @@ fn black_fibres_show_no_more_than_their_gloss() {
             let gloss =
                 SphereGrid::new(Vec3::X, 60, 24).integrate(|w| f64::from(lobe.eval(view, w).0.x));
             assert!(gloss > 1e-4 && gloss < 0.6, "{theta_deg}: {gloss}");
-            let m = match event {
-                VirtualFibreEvent::Plain => 1.0,
-                VirtualFibreEvent::Packed => void_multiplier(packing()),
-            };
+            let m = multiplier(event);
             // Seen along the fibres' plane the sine cancels the way's length.
             let depth = m * 2.0 * RADIUS_MM * density_per_mm2() * THICKNESS_MM;
             let through = f64::from((-depth).exp());
@@ -234,10 +203,7 @@ struct Walk<'a> {
 
 impl Walk<'_> {
     fn new(event: VirtualFibreEvent, fibre: &Fibre) -> Walk<'_> {
-        let m = match event {
-            VirtualFibreEvent::Plain => 1.0,
-            VirtualFibreEvent::Packed => void_multiplier(packing()),
-        };
+        let m = multiplier(event);
         let mut mixture = Mixture::EMPTY;
         mixture.push(FibrePopulation {
             length_density_per_mm2: m * density_per_mm2(),
@@ -341,10 +307,7 @@ fn renders_are_the_slab_walk() {
                 .into_iter()
                 .enumerate()
             {
-                let sun = Light::from(DirectionalLight {
-                    direction: -light,
-                    irradiance: Rgb::WHITE,
-                });
+                let sun = sun(-light, 1.0);
                 let (film, _) = picture(slab(fibre.clone(), event), sun, view, spp, 52);
                 let (mean, se) = film.mean()[0];
                 let z = |w: &Moments| (mean - w.mean) / se.hypot(w.standard_error());
@@ -365,10 +328,7 @@ fn renders_are_the_slab_walk() {
 /// Same seed, same bits on any number of threads; another seed, others.
 #[test]
 fn threads_change_nothing() {
-    let light = Light::from(DirectionalLight {
-        direction: -direction(30.0, 20.0),
-        irradiance: Rgb::WHITE,
-    });
+    let light = sun(-direction(30.0, 20.0), 1.0);
     let on = |threads: usize, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         pool.build().unwrap().install(|| {
@@ -416,13 +376,7 @@ fn a_lone_fibre_is_met_at_its_surface() {
             RADIUS_MM,
         )],
     };
-    let options = VoxelizeOptions {
-        voxel_mm: 0.002,
-        levels: Some(1),
-        footprint: FibreFootprint::Axis,
-        max_memory_bytes: None,
-    };
-    let octree = voxelize(&list, &options, &unwatched).unwrap();
+    let octree = octree(&list, 0.002, 1);
     let medium =
         VirtualFibreMedium::new(octree, 0, vec![fitted()], VirtualFibreEvent::Packed).unwrap();
     let mut stats = Stats::default();

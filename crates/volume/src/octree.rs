@@ -30,7 +30,7 @@ pub use outline::sub_cell_bit;
 
 use crate::block_layout::BlockLayout;
 use crate::footprint::FibreFootprint;
-use crate::lattice::{Lattice, bit_of, brick_at, brick_index, cell_of_bit};
+use crate::lattice::{Lattice, bit_of, brick_at, brick_index, cell_of_bit, octant};
 use crate::packing::MeasuredPacking;
 use crate::record::{
     Brick, RadiusScale, StoredPopulation, decode_axis, decode_group, decode_spread,
@@ -192,13 +192,7 @@ impl Octree {
         self.quantum_mm *= scale;
         self.radii.min_mm = (f64::from(self.radii.min_mm) * scale) as f32;
         self.radii.step_mm = (f64::from(self.radii.step_mm) * scale) as f32;
-        for (level, l) in (0u8..).zip(&mut self.levels) {
-            l.density_per_quantum = self.lattice.density_of(self.quantum_mm, level);
-            for brick in &mut l.bricks {
-                // Rounding must not take a bound below what it bounds.
-                brick.majorant_per_mm *= (1.0 / scale) as f32 * (1.0 + 1e-5);
-            }
-        }
+        self.scale_extinctions(1.0 / scale);
         self.bounds_mm = self.cloth_bounds_mm();
         self.finest_per_mm = (1.0 / self.lattice.voxel_mm).as_vec3();
         let sound = scale > 0.0 && self.lattice.is_sound() && self.check().is_ok();
@@ -210,6 +204,14 @@ impl Octree {
     /// positive and the octree stays finite.
     pub fn with_density(mut self, factor: f64) -> Option<Octree> {
         self.quantum_mm *= factor;
+        self.scale_extinctions(factor);
+        self.packing = None;
+        let sound = factor > 0.0 && self.quantum_mm.is_finite() && self.check().is_ok();
+        sound.then_some(self)
+    }
+
+    /// After the lattice or the quantum has changed.
+    fn scale_extinctions(&mut self, factor: f64) {
         for (level, l) in (0u8..).zip(&mut self.levels) {
             l.density_per_quantum = self.lattice.density_of(self.quantum_mm, level);
             for brick in &mut l.bricks {
@@ -217,9 +219,6 @@ impl Octree {
                 brick.majorant_per_mm *= factor as f32 * (1.0 + 1e-5);
             }
         }
-        self.packing = None;
-        let sound = factor > 0.0 && self.quantum_mm.is_finite() && self.check().is_ok();
-        sound.then_some(self)
     }
 
     /// The material of each yarn, by yarn.
@@ -345,16 +344,8 @@ impl Octree {
                 .map_or(0.0, |(_, b)| b.majorant_per_mm);
         }
         let low = cell << u32::from(level);
-        let side = 1 << level;
-        let mut most = 0.0f32;
-        for z in 0..side {
-            for y in 0..side {
-                for x in 0..side {
-                    most = most.max(self.broadside_per_mm(0, low + UVec3::new(x, y, z)));
-                }
-            }
-        }
-        most
+        let finest = (0..8u32.pow(level.into())).map(|i| low + octant(i));
+        finest.fold(0.0, |most, cell| most.max(self.broadside_per_mm(0, cell)))
     }
 
     /// Sum of the broadside extinctions of a cell's own populations: equal to

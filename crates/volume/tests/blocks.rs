@@ -1,4 +1,4 @@
-use crate::cloth::PlainWeave;
+use crate::cloth::{PlainWeave, cells};
 use glam::{UVec2, UVec3, Vec3};
 use organza_basis::{Budget, unwatched};
 use organza_volume::voxelize::VoxelizePlan;
@@ -47,15 +47,8 @@ fn of_blocks(exemplar: &Octree, crossings: UVec2, source: impl Fn(UVec2) -> UVec
 }
 
 /// Calls `visit` with every cell of a level.
-fn for_each_cell(tree: &Octree, level: u8, mut visit: impl FnMut(UVec3)) {
-    let dims = tree.dims(level);
-    for z in 0..dims.z {
-        for y in 0..dims.y {
-            for x in 0..dims.x {
-                visit(UVec3::new(x, y, z));
-            }
-        }
-    }
+fn for_each_cell(tree: &Octree, level: u8, visit: impl FnMut(UVec3)) {
+    cells(tree.dims(level)).for_each(visit);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-use glam::{Vec2, Vec3};
+use glam::{UVec3, Vec2, Vec3};
 use organza_basis::curve::SegmentList;
 use organza_basis::{Aabb, PathRng, Segment, SegmentSource, Tile, unwatched};
 use organza_volume::{Error, Octree, VoxelizeOptions, voxelize};
@@ -113,13 +113,24 @@ pub fn length_mm(source: &dyn SegmentSource) -> f64 {
     sum
 }
 
-/// The cotton cloth of two ends, voxelized at that edge of a voxel.
-pub fn cotton_octree(voxel_mm: f32) -> Octree {
+pub fn voxelized(source: &dyn SegmentSource, voxel_mm: f32, levels: Option<u8>) -> Octree {
     let options = VoxelizeOptions {
         voxel_mm,
+        levels,
         ..VoxelizeOptions::default()
     };
-    voxelize(&PlainWeave::cotton(2), &options, &unwatched).unwrap()
+    voxelize(source, &options, &unwatched).unwrap()
+}
+
+/// The cotton cloth of two ends.
+pub fn cotton_octree(voxel_mm: f32) -> Octree {
+    voxelized(&PlainWeave::cotton(2), voxel_mm, None)
+}
+
+/// All cells of a grid.
+pub fn cells(dims: UVec3) -> impl Iterator<Item = UVec3> {
+    (0..dims.element_product())
+        .map(move |i| UVec3::new(i % dims.x, i / dims.x % dims.y, i / (dims.x * dims.y)))
 }
 
 #[test]

@@ -1,4 +1,4 @@
-use crate::cloth::{PlainWeave, length_mm, list};
+use crate::cloth::{PlainWeave, cells, length_mm, list};
 use glam::{DVec3, UVec3, Vec3};
 use organza_basis::curve::SegmentList;
 use organza_basis::{Segment, SegmentSource, unwatched};
@@ -58,10 +58,8 @@ fn dense(source: &SegmentList, tree: &Octree, voxel_mm: f32) -> Dense {
         min[k] -= 0.5 * (period[k] - size[k]);
     }
     let reach = if tree.repeats() { -1..=1 } else { 0..=0 };
-    let mut cells = vec![Cell::default(); dims.element_product() as usize];
-    for (i, cell) in cells.iter_mut().enumerate() {
-        let i = i as u32;
-        let at = UVec3::new(i % dims.x, i / dims.x % dims.y, i / (dims.x * dims.y));
+    let mut found = vec![Cell::default(); dims.element_product() as usize];
+    for (at, cell) in cells(dims).zip(&mut found) {
         // The same number for the upper face of one cell and the lower of the next.
         let face = |c: UVec3| min + period * c.as_dvec3() / dims.as_dvec3();
         let (low, high) = (face(at), face(at + 1));
@@ -88,7 +86,7 @@ fn dense(source: &SegmentList, tree: &Octree, voxel_mm: f32) -> Dense {
             }
         }
     }
-    Dense { dims, cells }
+    Dense { dims, cells: found }
 }
 
 fn options(voxel_mm: f32, levels: Option<u8>) -> VoxelizeOptions {
@@ -162,8 +160,7 @@ proptest! {
             let volume = f64::from(tree.voxel_mm(level).element_product());
             let side = 1u32 << level;
             let dims = tree.dims(level);
-            for i in 0..dims.element_product() {
-                let cell = UVec3::new(i % dims.x, i / dims.x % dims.y, i / (dims.x * dims.y));
+            for cell in cells(dims) {
                 let mut want = Cell::default();
                 for j in 0..side.pow(3) {
                     let c = grid.at((cell << u32::from(level)) + UVec3::new(j % side, j / side % side, j / (side * side)));
@@ -236,9 +233,7 @@ fn equation_18_has_the_same_mean_and_more_noise() {
     }
     let volume = voxel.element_product();
     let (mut sum, mut square, mut exact_sum) = (0.0, 0.0, 0.0);
-    for (i, &alternative) in density.iter().enumerate() {
-        let i = i as u32;
-        let cell = UVec3::new(i % dims.x, i / dims.x % dims.y, i / (dims.x * dims.y));
+    for (cell, alternative) in cells(dims).zip(density) {
         let m = tree.mixture(0, cell);
         let exact: f64 = m
             .as_slice()

@@ -1,9 +1,7 @@
-use crate::cloth::{cotton_octree, list};
+use crate::cloth::{cotton_octree, list, voxelized};
 use glam::Vec3;
-use organza_basis::{Budget, unwatched};
-use organza_volume::{
-    MaterialPacking, MeasuredPacking, Octree, PackingFactor, VoxelizeOptions, ovox, voxelize,
-};
+use organza_basis::Budget;
+use organza_volume::{MaterialPacking, MeasuredPacking, Octree, PackingFactor, ovox};
 
 fn files() -> Vec<ovox::SourceFile> {
     let file = |name: &str, bytes: &[u8]| ovox::SourceFile {
@@ -23,15 +21,7 @@ fn plenty() -> Budget {
 #[test]
 fn ovox_returns_the_very_octree() {
     let empty = list(Vec3::ZERO, Vec3::ONE, vec![]);
-    let empty = voxelize(
-        &empty,
-        &VoxelizeOptions {
-            voxel_mm: 0.1,
-            ..Default::default()
-        },
-        &unwatched,
-    )
-    .unwrap();
+    let empty = voxelized(&empty, 0.1, None);
     for tree in [cotton_octree(0.02), empty] {
         let mut bytes = Vec::new();
         ovox::write(&tree, &files(), &mut bytes).unwrap();

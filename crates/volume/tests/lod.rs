@@ -1,8 +1,8 @@
-use crate::cloth::PlainWeave;
+use crate::cloth::{cotton_octree, list, voxelized};
 use glam::{UVec3, Vec3};
 use organza_basis::spread::{mean_cos_sq, spread_from_mean_sin_sq};
-use organza_basis::{Budget, FibrePopulation, Frame, Sym3, unwatched, warp};
-use organza_volume::{Octree, VoxelizeOptions, ovox, voxelize};
+use organza_basis::{Budget, FibrePopulation, Frame, Sym3, warp};
+use organza_volume::{Octree, ovox};
 use std::f32::consts::{FRAC_PI_2, TAU};
 
 /// Directions spread evenly over the half sphere.
@@ -134,11 +134,7 @@ fn errors(tree: &Octree, level: u8, max_cells: usize) -> [[f64; 2]; 2] {
 
 #[test]
 fn coarse_voxels_send_the_light_of_their_finest_better_than_one_lobe_does() {
-    let options = VoxelizeOptions {
-        voxel_mm: 0.0125,
-        ..VoxelizeOptions::default()
-    };
-    let woven = voxelize(&PlainWeave::cotton(2), &options, &unwatched).unwrap();
+    let woven = cotton_octree(0.0125);
     woven.assert_well_formed();
     let mut trees = vec![("plain weave", woven)];
     for name in ["denim", "charmeuse", "jersey"] {
@@ -163,7 +159,6 @@ fn coarse_voxels_send_the_light_of_their_finest_better_than_one_lobe_does() {
 
 #[test]
 fn a_turned_bundle_has_the_turned_mixture() {
-    use crate::cloth::list;
     use glam::Quat;
     use organza_basis::{PathRng, Segment};
     let mut rng = PathRng::from_seed(12);
@@ -179,14 +174,7 @@ fn a_turned_bundle_has_the_turned_mixture() {
             .iter()
             .map(|&(at, d)| Segment::straight(turn * (at - 0.2 * d), turn * (at + 0.2 * d), 0.001));
         let source = list(Vec3::splat(-2.0), Vec3::splat(2.0), fibres.collect());
-        let options = VoxelizeOptions {
-            voxel_mm: 4.0,
-            levels: Some(1),
-            ..VoxelizeOptions::default()
-        };
-        let m = voxelize(&source, &options, &unwatched)
-            .unwrap()
-            .mixture(0, UVec3::ZERO);
+        let m = voxelized(&source, 4.0, Some(1)).mixture(0, UVec3::ZERO);
         let [c] = m.as_slice() else { panic!("{m:?}") };
         *c
     };

@@ -1,16 +1,7 @@
-use crate::cloth::{PlainWeave, length_mm, list};
+use crate::cloth::{PlainWeave, cells, length_mm, list, voxelized};
 use glam::{UVec3, Vec3};
 use organza_basis::{Segment, SegmentSource, unwatched};
 use organza_volume::{FibreFootprint, Octree, VoxelizeOptions, VoxelizePlan, voxelize};
-
-fn run(source: &dyn SegmentSource, voxel_mm: f32, levels: Option<u8>) -> Octree {
-    let options = VoxelizeOptions {
-        voxel_mm,
-        levels,
-        ..VoxelizeOptions::default()
-    };
-    voxelize(source, &options, &unwatched).unwrap()
-}
 
 #[test]
 fn one_fibre_is_found_with_its_place_length_axis_and_no_spread() {
@@ -21,7 +12,7 @@ fn one_fibre_is_found_with_its_place_length_axis_and_no_spread() {
         material: 2,
         ..Segment::straight(a, b, 0.003)
     };
-    let tree = run(&list(Vec3::ZERO, Vec3::ONE, vec![fibre]), 0.1, Some(1));
+    let tree = voxelized(&list(Vec3::ZERO, Vec3::ONE, vec![fibre]), 0.1, Some(1));
     assert_eq!(tree.occupied_voxels(), 17);
     let axis = (b - a).normalize();
     let mut length = 0.0;
@@ -56,7 +47,7 @@ fn two_crossed_fibres_of_one_yarn_are_two_populations() {
             Segment::straight(c - 0.4 * Vec3::X, c + 0.4 * Vec3::X, 0.01),
             Segment::straight(c - 0.3 * d, c + 0.3 * d, 0.01),
         ];
-        let tree = run(&list(Vec3::ZERO, Vec3::ONE, fibres), 1.0, Some(1));
+        let tree = voxelized(&list(Vec3::ZERO, Vec3::ONE, fibres), 1.0, Some(1));
         let m = tree.mixture(0, UVec3::ZERO);
         let [x, y] = m.as_slice() else {
             panic!("{angle_deg}: {m:?}")
@@ -73,7 +64,7 @@ fn two_crossed_fibres_of_one_yarn_are_two_populations() {
 #[test]
 fn every_level_holds_the_length_put_in() {
     let cloth = PlainWeave::cotton(2);
-    let tree = run(&cloth, 0.01, None);
+    let tree = voxelized(&cloth, 0.01, None);
     assert_eq!(tree.level_count(), 5);
     let put_in = length_mm(&cloth);
     let found = tree.fibre_length_mm(0);
@@ -98,7 +89,7 @@ fn every_level_holds_the_length_put_in() {
 #[test]
 fn warp_and_weft_stay_apart_where_they_meet() {
     let cloth = PlainWeave::cotton(2);
-    let tree = run(&cloth, 0.05, None);
+    let tree = voxelized(&cloth, 0.05, None);
     let mut met = 0;
     tree.for_each_occupied(0, |cell| {
         let m = tree.mixture(0, cell);
@@ -124,7 +115,7 @@ fn what_leaves_sideways_comes_back_on_the_other_side() {
         )],
     );
     source.tile.repeats = true;
-    let tree = run(&source, 0.1, Some(1));
+    let tree = voxelized(&source, 0.1, Some(1));
     assert_eq!(tree.occupied_voxels(), 20);
     assert!((tree.fibre_length_mm(0) - 4.2).abs() < 2.0 * f64::from(f32::EPSILON));
     // Twice through x in (-0.5, 1), three times through (-1, -0.5) + ... up to 3.7 = -0.3 + 4.
@@ -149,7 +140,7 @@ fn thick_fibres_fill_the_voxels_they_cover() {
     // Radius 2.5 voxels: phi = pi r^2 rho must be near 1 inside and 0 outside.
     let (a, b) = (Vec3::new(0.5, 0.5, 0.1), Vec3::new(0.5, 0.5, 0.9));
     let source = list(Vec3::ZERO, Vec3::ONE, vec![Segment::straight(a, b, 0.25)]);
-    let tree = run(&source, 0.1, Some(1));
+    let tree = voxelized(&source, 0.1, Some(1));
     assert!((tree.fibre_length_mm(0) - 0.8).abs() < 2.0 * f64::from(f32::EPSILON));
     for (p, want) in [
         ((0.45, 0.55), 1.0),
@@ -176,7 +167,7 @@ fn thick_fibres_fill_the_voxels_they_cover() {
 
 #[test]
 fn majorants_bound_every_finest_voxel_below() {
-    let tree = run(&PlainWeave::cotton(2), 0.02, Some(4));
+    let tree = voxelized(&PlainWeave::cotton(2), 0.02, Some(4));
     let mut tight = 0.0f32;
     for level in 0..tree.level_count() + 2 {
         let dims = (tree.dims(0) + ((1 << level) - 1)) >> u32::from(level);
@@ -186,9 +177,7 @@ fn majorants_bound_every_finest_voxel_below() {
             let at = &mut most[(c.x + dims.x * (c.y + dims.y * c.z)) as usize];
             *at = at.max(tree.mixture(0, cell).broadside_per_mm());
         });
-        for (i, &m) in most.iter().enumerate() {
-            let i = i as u32;
-            let c = UVec3::new(i % dims.x, i / dims.x % dims.y, i / (dims.x * dims.y));
+        for (c, &m) in cells(dims).zip(&most) {
             let bound = tree.majorant_per_mm(level, c);
             assert!(
                 bound >= m * (1.0 - 1e-6) && bound <= m * (1.0 + 1e-5),
@@ -208,7 +197,7 @@ fn threads_do_not_change_a_bit() {
             .num_threads(threads)
             .build()
             .unwrap();
-        pool.install(|| run(&cloth, 0.02, None))
+        pool.install(|| voxelized(&cloth, 0.02, None))
     };
     assert!(on(1) == on(2) && on(1) == on(3));
 }
@@ -217,7 +206,7 @@ fn threads_do_not_change_a_bit() {
 fn points_on_faces_have_a_cell_and_outside_have_none() {
     let s = Segment::straight(Vec3::splat(0.1), Vec3::splat(0.9), 0.001);
     let mut source = list(Vec3::ZERO, Vec3::ONE, vec![s]);
-    let tree = run(&source, 0.1, Some(1));
+    let tree = voxelized(&source, 0.1, Some(1));
     assert_eq!(tree.cell_of(0, Vec3::ZERO), Some(UVec3::ZERO));
     assert_eq!(tree.cell_of(0, Vec3::ONE), Some(UVec3::splat(9)));
     for p in [
@@ -229,7 +218,7 @@ fn points_on_faces_have_a_cell_and_outside_have_none() {
         assert_eq!(tree.cell_of(0, p), None);
     }
     source.tile.repeats = true;
-    let tree = run(&source, 0.1, Some(1));
+    let tree = voxelized(&source, 0.1, Some(1));
     assert_eq!(tree.cell_of(0, Vec3::new(1.0, -1e-9, 0.5)).unwrap().x, 0);
     for x in [-1e-9f32, 1.0 - 1e-7, 123.45, -9999.999, 1e7] {
         let c = tree.cell_of(0, Vec3::new(x, x, 1.0)).unwrap();
@@ -242,9 +231,12 @@ fn points_on_faces_have_a_cell_and_outside_have_none() {
 #[test]
 fn hard_sources_are_survived_or_refused() {
     let unit = |segments| list(Vec3::ZERO, Vec3::ONE, segments);
-    assert_eq!(run(&unit(vec![]), 0.1, None).occupied_voxels(), 0);
+    assert_eq!(voxelized(&unit(vec![]), 0.1, None).occupied_voxels(), 0);
     let point = Segment::straight(Vec3::splat(0.5), Vec3::splat(0.5), 0.01);
-    assert_eq!(run(&unit(vec![point]), 0.1, None).occupied_voxels(), 0);
+    assert_eq!(
+        voxelized(&unit(vec![point]), 0.1, None).occupied_voxels(),
+        0
+    );
     let crowd: Vec<Segment> = (0..10_000)
         .map(|i| {
             let x = 0.5 + 1e-5 * i as f32 / 10_000.0;
@@ -254,11 +246,11 @@ fn hard_sources_are_survived_or_refused() {
             }
         })
         .collect();
-    let tree = run(&unit(crowd), 0.5, None);
+    let tree = voxelized(&unit(crowd), 0.5, None);
     assert!((tree.fibre_length_mm(0) / 9800.0 - 1.0).abs() < 2.0 * f64::from(f32::EPSILON));
     let far: Vec3 = Vec3::splat(1e4);
     let s = Segment::straight(far + Vec3::splat(0.1), far + Vec3::splat(0.9), 0.001);
-    let tree = run(&list(far, far + 1.0, vec![s]), 0.05, None);
+    let tree = voxelized(&list(far, far + 1.0, vec![s]), 0.05, None);
     assert!(
         (tree.fibre_length_mm(0) / length_mm(&list(far, far + 1.0, vec![s])) - 1.0).abs() < 1e-5
     );
@@ -369,7 +361,7 @@ fn full_grid(voxels: u32, yarns: u32) -> Octree {
             });
         }
     }
-    run(&list(Vec3::ZERO, Vec3::splat(side), fibres), 0.01, None)
+    voxelized(&list(Vec3::ZERO, Vec3::splat(side), fibres), 0.01, None)
 }
 
 #[test]
@@ -377,7 +369,7 @@ fn memory_per_voxel_stays_below_the_promise() {
     let per_voxel = |t: &Octree| t.memory_bytes() as f64 / t.occupied_voxels() as f64;
     let (one, two) = (full_grid(32, 1), full_grid(32, 2));
     assert_eq!(two.mixture(0, UVec3::splat(7)).as_slice().len(), 2);
-    let cloth = run(&PlainWeave::cotton(4), 0.01, None);
+    let cloth = voxelized(&PlainWeave::cotton(4), 0.01, None);
     println!(
         "bytes per occupied voxel: one yarn {:.1}, two {:.1}, cloth {:.1}",
         per_voxel(&one),

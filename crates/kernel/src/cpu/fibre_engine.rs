@@ -28,12 +28,7 @@ impl FibreEngine {
     /// # Errors
     /// When the processor lacks them.
     pub fn new(scene: Arc<FibreScene>, backend: Backend) -> Result<FibreEngine, Refusal> {
-        if !backend.is_available() {
-            return Err(Refusal::Unavailable {
-                engine: backend.name(),
-                needs: backend.needs(),
-            });
-        }
+        Refusal::without(backend)?;
         Ok(FibreEngine { scene, backend })
     }
 }

@@ -28,12 +28,7 @@ impl VoxelEngine {
     /// # Errors
     /// When the processor lacks them.
     pub fn new(scene: Arc<FlatScene>, backend: Backend) -> Result<VoxelEngine, Refusal> {
-        if !backend.is_available() {
-            return Err(Refusal::Unavailable {
-                engine: backend.name(),
-                needs: backend.needs(),
-            });
-        }
+        Refusal::without(backend)?;
         Ok(VoxelEngine { scene, backend })
     }
 }

@@ -14,7 +14,7 @@ const NOTHING: f32 = 1e30;
 /// foot) and places from that centre.
 #[derive(Clone, Debug, PartialEq)]
 #[repr(C, align(64))]
-pub struct Block {
+pub struct PieceBlock {
     pub foot: [[f32; BLOCK]; 3],
     pub axis: [[f32; BLOCK]; 3],
     pub radius_squared: [f32; BLOCK],
@@ -25,10 +25,10 @@ pub struct Block {
     pub piece: [u32; BLOCK],
 }
 
-impl Block {
+impl PieceBlock {
     /// Without pieces.
-    pub fn empty() -> Block {
-        Block {
+    pub fn empty() -> PieceBlock {
+        PieceBlock {
             foot: [[0.0; BLOCK]; 3],
             axis: [[0.0; BLOCK]; 3],
             radius_squared: [-NOTHING; BLOCK],
@@ -74,7 +74,7 @@ pub fn vectors<F: Floats>(all: &[[f32; BLOCK]; 3], first: usize) -> V3<F> {
 
 /// The pieces from number `first` on.
 #[inline(always)]
-pub fn entries<F: Floats>(block: &Block, first: usize, ray: &RayLanes<F>) -> Entries<F> {
+pub fn entries<F: Floats>(block: &PieceBlock, first: usize, ray: &RayLanes<F>) -> Entries<F> {
     let axis = vectors::<F>(&block.axis, first);
     let foot = vectors::<F>(&block.foot, first);
     // Across the axis: without the cancellation of 1 - cos^2 for rays along it.

@@ -1,11 +1,11 @@
 //! One cloth of explicit fibres: its cells, and where it ends.
 
 use super::cells::{Cells, Placed, Unfit};
-use super::drape::Drape;
 use super::grid::GridPoint;
 use super::strands::Strands;
 use glam::{DVec3, Vec3};
 use organza_basis::CellGrid;
+use organza_mesh::Shell;
 use organza_scatter::Fibre;
 use std::sync::Arc;
 
@@ -24,8 +24,8 @@ pub struct FibreBody<'a> {
     pub reach: &'a CellGrid,
     /// How fibres scatter, indexed by the strands' materials.
     pub fibres: &'a [Fibre],
-    /// What an endless cloth is laid over, if it is not flat.
-    pub drape: Option<Arc<dyn Drape>>,
+    /// The shell that an endless cloth fills, if it is not flat.
+    pub shell: Option<Arc<Shell>>,
 }
 
 /// One cloth in cells. Of a draped one all places are the cloth's own.
@@ -38,12 +38,12 @@ pub struct Body {
     pub is_cut: bool,
     /// A ray that starts among fibres meets none before this distance, mm.
     pub start_mm: f32,
-    pub drape: Option<Arc<dyn Drape>>,
+    pub shell: Option<Arc<Shell>>,
 }
 
 /// Where a ray goes through the matter.
 #[derive(Clone, Copy, Debug)]
-pub struct Entry {
+pub struct Passage {
     pub at: GridPoint,
     /// From the ray's origin, mm.
     pub distance_mm: f64,
@@ -96,19 +96,19 @@ impl Body {
             high_mm: high,
             is_cut,
             start_mm: START_RADII * thinnest.fold(f32::INFINITY, f32::min),
-            drape: body.drape.clone(),
+            shell: body.shell.clone(),
         })
     }
 
     /// The part of a ray from anywhere that lies in the matter.
-    pub fn enter(&self, origin_mm: DVec3, direction: DVec3) -> Option<Entry> {
+    pub fn enter(&self, origin_mm: DVec3, direction: DVec3) -> Option<Passage> {
         let (near, far) = self.clip(origin_mm, direction)?;
         let start = near.max(0.0);
         if start >= far {
             return None;
         }
         let at = self.cells.grid.locate(origin_mm + start * direction);
-        Some(Entry {
+        Some(Passage {
             at,
             distance_mm: start,
             min_mm: if start > 0.0 { 0.0 } else { self.start_mm },

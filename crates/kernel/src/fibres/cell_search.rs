@@ -1,11 +1,11 @@
 //! What a ray meets among the pieces of its cell.
 
-use super::block::{BLOCK, Block, PieceCode, RayLanes, entries, nearest};
+use super::block::{BLOCK, PieceBlock, PieceCode, RayLanes, entries, nearest};
 use super::cell_ray::{CellHit, CellRay};
 use super::cells::{Cells, Head};
 use super::hull::{HullBlock, hull_entries};
 use super::joint_table::JointTable;
-use super::lists::{Found, Lists};
+use super::lists::{InCell, Lists};
 use glam::{IVec2, IVec3, Vec3};
 use organza_lanes::Floats;
 
@@ -47,8 +47,8 @@ impl CellRay {
     ) -> Option<CellHit> {
         let cell = IVec3::from_array(self.cell);
         let (plain, others) = match lists.find(&cells.heads, cells.grid.index(cell)) {
-            Found::Copied(head) => return self.search_copies(cells, joints, head, ray, any),
-            Found::Listed(plain, others) => (plain, others),
+            InCell::Copied(head) => return self.search_copies(cells, joints, head, ray, any),
+            InCell::Listed(plain, others) => (plain, others),
         };
         let mut nearest = Nearest { ray, best: None };
         for entries in plain.chunks(BLOCK) {
@@ -71,7 +71,7 @@ impl CellRay {
         &self,
         cells: &Cells,
         joints: &JointTable,
-        block: &Block,
+        block: &PieceBlock,
         so_far: &mut Nearest<F>,
         any: bool,
     ) {
@@ -80,10 +80,10 @@ impl CellRay {
             let kept = nearest::<F>(found.met, found.distance, |lane, t| {
                 let i = part + lane;
                 PieceCode(block.piece[i]).margin() == 0.0
-                    || self.is_kept(cells, joints, &Place::of_block(block, i), t)
+                    || self.is_kept(cells, joints, &OnePiece::of_block(block, i), t)
             });
             if let Some((lane, t)) = kept {
-                so_far.keep(Place::of_block(block, part + lane), t);
+                so_far.keep(OnePiece::of_block(block, part + lane), t);
                 if any {
                     return;
                 }
@@ -105,10 +105,10 @@ impl CellRay {
             let found = hull_entries(hull, part, &so_far.ray);
             let kept = nearest::<F>(found.met, found.distance, |lane, t| {
                 let i = part + lane;
-                self.is_kept(cells, joints, &Place::of_hull(hull, i), t)
+                self.is_kept(cells, joints, &OnePiece::of_hull(hull, i), t)
             });
             if let Some((lane, t)) = kept {
-                so_far.keep(Place::of_hull(hull, part + lane), t);
+                so_far.keep(OnePiece::of_hull(hull, part + lane), t);
                 if any {
                     return;
                 }
@@ -118,50 +118,50 @@ impl CellRay {
 
     #[inline(always)]
     fn found<F: Floats>(&self, joints: &JointTable, nearest: &Nearest<F>) -> Option<CellHit> {
-        let (place, t) = nearest.best?;
-        Some(self.hit(joints, &place, t))
+        let (piece, t) = nearest.best?;
+        Some(self.hit(joints, &piece, t))
     }
 
     /// Whether a hit lies between the planes that cut a piece.
     #[inline(always)]
-    fn is_kept(&self, cells: &Cells, joints: &JointTable, place: &Place, t: f32) -> bool {
-        let margin = place.code.margin();
+    fn is_kept(&self, cells: &Cells, joints: &JointTable, piece: &OnePiece, t: f32) -> bool {
+        let margin = piece.code.margin();
         if margin == 0.0 {
             return true;
         }
-        let (out, along) = self.relative(place, t);
+        let (out, along) = self.relative(piece, t);
         let margin = margin * cells.min_edge_mm;
-        if along - place.low > margin && place.high - along > margin {
+        if along - piece.low > margin && piece.high - along > margin {
             return true;
         }
-        is_between_planes(joints, place, out, along, cells.slack_mm)
+        is_between_planes(joints, piece, out, along, cells.slack_mm)
     }
 
     /// From the axis to a place of the ray, and how far along the axis.
     #[inline(always)]
-    fn relative(&self, place: &Place, t: f32) -> (Vec3, f32) {
+    fn relative(&self, piece: &OnePiece, t: f32) -> (Vec3, f32) {
         let at = Vec3::from_array(self.at) + t * self.direction();
-        let from = at - place.foot;
-        let along = from.dot(place.axis);
-        (from - along * place.axis, along)
+        let from = at - piece.foot;
+        let along = from.dot(piece.axis);
+        (from - along * piece.axis, along)
     }
 
     #[inline]
-    fn hit(&self, joints: &JointTable, place: &Place, t: f32) -> CellHit {
-        let (out, along) = self.relative(place, t);
+    fn hit(&self, joints: &JointTable, piece: &OnePiece, t: f32) -> CellHit {
+        let (out, along) = self.relative(piece, t);
         // Where the side of the piece would begin; no look-up for most.
-        let (nearest, low) = match place.ends {
+        let (nearest, low) = match piece.ends {
             Some((start, end)) => {
-                let mitre = joints.mitres_mm(place.code.piece())[0];
+                let mitre = joints.mitres_mm(piece.code.piece())[0];
                 (along.clamp(start, end), start - mitre)
             }
-            None => (along, place.low),
+            None => (along, piece.low),
         };
         CellHit {
-            piece: place.code.piece(),
+            piece: piece.code.piece(),
             distance_mm: self.gone_mm + t,
-            axis_at_mm: place.foot + nearest * place.axis,
-            out_mm: out + (along - nearest) * place.axis,
+            axis_at_mm: piece.foot + nearest * piece.axis,
+            out_mm: out + (along - nearest) * piece.axis,
             along_mm: nearest - low,
             cell: IVec3::from_array(self.cell),
             period: IVec2::from_array(self.period),
@@ -174,14 +174,14 @@ impl CellRay {
 #[inline(never)]
 fn is_between_planes(
     joints: &JointTable,
-    place: &Place,
+    piece: &OnePiece,
     out: Vec3,
     along: f32,
     slack_mm: f32,
 ) -> bool {
-    let (first, last) = joints.planes(place.code.piece());
-    let from_start = out + (along - place.start_of(joints)) * place.axis;
-    let from_end = out + (along - place.end_of(joints)) * place.axis;
+    let (first, last) = joints.planes(piece.code.piece());
+    let from_start = out + (along - piece.start_of(joints)) * piece.axis;
+    let from_end = out + (along - piece.end_of(joints)) * piece.axis;
     first.is_none_or(|n| from_start.dot(n) >= -slack_mm)
         && last.is_none_or(|n| from_end.dot(n) <= slack_mm)
 }
@@ -189,21 +189,21 @@ fn is_between_planes(
 /// The nearest entry so far, and the ray up to it.
 struct Nearest<F: Floats> {
     ray: RayLanes<F>,
-    best: Option<(Place, f32)>,
+    best: Option<(OnePiece, f32)>,
 }
 
 impl<F: Floats> Nearest<F> {
     #[inline(always)]
-    fn keep(&mut self, place: Place, t: f32) {
+    fn keep(&mut self, piece: OnePiece, t: f32) {
         // Of equals the first one found counts, whatever the lanes.
         self.ray.most = F::splat(t.next_down());
-        self.best = Some((place, t));
+        self.best = Some((piece, t));
     }
 }
 
 /// One piece of a block.
 #[derive(Clone, Copy)]
-struct Place {
+struct OnePiece {
     foot: Vec3,
     axis: Vec3,
     low: f32,
@@ -213,10 +213,10 @@ struct Place {
     code: PieceCode,
 }
 
-impl Place {
+impl OnePiece {
     #[inline(always)]
-    fn of_block(block: &Block, i: usize) -> Place {
-        Place {
+    fn of_block(block: &PieceBlock, i: usize) -> OnePiece {
+        OnePiece {
             foot: Vec3::from_array([0, 1, 2].map(|k| block.foot[k][i])),
             axis: Vec3::from_array([0, 1, 2].map(|k| block.axis[k][i])),
             low: block.low[i],
@@ -227,8 +227,8 @@ impl Place {
     }
 
     #[inline(always)]
-    fn of_hull(hull: &HullBlock, i: usize) -> Place {
-        Place {
+    fn of_hull(hull: &HullBlock, i: usize) -> OnePiece {
+        OnePiece {
             foot: Vec3::from_array([0, 1, 2].map(|k| hull.foot[k][i])),
             axis: Vec3::from_array([0, 1, 2].map(|k| hull.axis[k][i])),
             low: hull.low[i],

@@ -7,7 +7,7 @@
 //! side, and single precision is enough wherever the cloth is. Where memory does not
 //! suffice for copies, cells hold [lists](super::lists) of numbers instead.
 
-use super::block::{BLOCK, Block, MAX_PIECES};
+use super::block::{BLOCK, MAX_PIECES, PieceBlock};
 use super::copies::Copies;
 use super::grid::Grid;
 use super::hull::HullBlock;
@@ -60,7 +60,7 @@ pub struct Cells {
     /// How far a hit may lie beyond a plane that cuts a piece, mm.
     pub slack_mm: f32,
     pub heads: Vec<Head>,
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<PieceBlock>,
     pub hulls: Vec<HullBlock>,
     /// In place of most copies, where these take too much memory.
     pub lists: Option<Lists>,
@@ -150,7 +150,7 @@ impl Cells {
         let sorting = reached * size_of::<Reached>() as u64
             + counting
             + (heads.len() * size_of::<Head>()) as u64;
-        let copied = (ends.0 * size_of::<Block>() + ends.1 * size_of::<HullBlock>()) as u64;
+        let copied = (ends.0 * size_of::<PieceBlock>() + ends.1 * size_of::<HullBlock>()) as u64;
         let is_listed = sorting + copied > max_bytes;
         let listed = sorting + Lists::bytes(0, count);
         if is_listed && listed > max_bytes {
@@ -224,7 +224,7 @@ impl Cells {
     /// Bytes in use.
     pub fn memory_bytes(&self) -> u64 {
         (self.heads.len() * size_of::<Head>()
-            + self.blocks.len() * size_of::<Block>()
+            + self.blocks.len() * size_of::<PieceBlock>()
             + self.hulls.len() * size_of::<HullBlock>()) as u64
             + self.lists.as_ref().map_or(0, Lists::memory_bytes)
     }

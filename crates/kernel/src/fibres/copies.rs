@@ -1,6 +1,6 @@
 //! Pieces of fibre on their way into cells.
 
-use super::block::{BLOCK, Block, PieceCode};
+use super::block::{BLOCK, PieceBlock, PieceCode};
 use super::cells::{Placed, Reached};
 use super::grid::Grid;
 use super::hull::HullBlock;
@@ -127,8 +127,8 @@ impl<'a> Copies<'a> {
     }
 
     /// Up to sixteen plain pieces in the frame of a cell.
-    pub fn block(&self, pieces: &[Reached], cell: IVec3) -> Block {
-        let mut block = Block::empty();
+    pub fn block(&self, pieces: &[Reached], cell: IVec3) -> PieceBlock {
+        let mut block = PieceBlock::empty();
         for (i, reached) in pieces.iter().enumerate().take(BLOCK) {
             self.ends_in(reached, cell).write_block(&mut block, i);
         }
@@ -195,7 +195,7 @@ impl Ends {
     }
 
     /// Into one place of a block, in the frame of its cell.
-    pub fn write_block(&self, block: &mut Block, i: usize) {
+    pub fn write_block(&self, block: &mut PieceBlock, i: usize) {
         let (foot, start) = self.foot();
         for k in 0..3 {
             block.foot[k][i] = foot[k] as f32;

@@ -13,7 +13,7 @@ use std::sync::{Arc, OnceLock};
 /// | buffer | index | what it holds |
 /// |---|---|---|
 /// | `matter.bodies[i].cells.heads` | cell | the first block of each kind and their numbers: [`Head`](super::cells::Head) |
-/// | `matter.bodies[i].cells.blocks` | block | sixteen cylinders in the frame of their cell: [`Block`](super::block::Block) |
+/// | `matter.bodies[i].cells.blocks` | block | sixteen cylinders in the frame of their cell: [`PieceBlock`](super::block::PieceBlock) |
 /// | `matter.bodies[i].cells.hulls` | hull block | sixteen other pieces: [`HullBlock`](super::hull::HullBlock) |
 /// | `matter.joints.words` | 8 x joint | what is asked of a piece once it is met: [`JointTable`](super::joint_table::JointTable) |
 /// | `matter.packed` | | packed fibres in voxels, if paths meet them: [`FibreVolume`](crate::packed::FibreVolume) |

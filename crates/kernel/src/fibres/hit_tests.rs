@@ -139,7 +139,7 @@ fn matter_within(
         origin_mm,
         reach: &grid,
         fibres: &fibres(),
-        drape: None,
+        shell: None,
     };
     FibreMatter::new(&[body], Vec::new(), max_bytes)
 }

@@ -7,9 +7,8 @@ use organza_lanes::math::V3;
 /// The square of a radius that no ray meets.
 const NO_SPHERE: f32 = -1e30;
 
-/// Hulls of two spheres, of which a plane may cut an end, as
-/// [x describes them; lengths and places as in
-/// [`Block`](super::block::Block).
+/// Hulls of two spheres, of which a plane may cut an end; lengths and places as in
+/// [`PieceBlock`](super::block::PieceBlock).
 #[derive(Clone, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub struct HullBlock {

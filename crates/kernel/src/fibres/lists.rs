@@ -6,7 +6,7 @@
 //! the places of the piece's ends in the frame of the cell, so in a few cells they round
 //! otherwise than those of the stored piece: such cells keep copies.
 
-use super::block::{BLOCK, Block, PieceCode};
+use super::block::{BLOCK, PieceBlock, PieceCode};
 use super::cells::{Head, Reached};
 use super::copies::{Copies, Ends, Frame};
 use super::hull::HullBlock;
@@ -78,7 +78,7 @@ pub struct Lists {
 }
 
 /// What a ray finds in a cell.
-pub enum Found<'a> {
+pub enum InCell<'a> {
     /// Copies of its pieces.
     Copied(Head),
     /// Their numbers: plain pieces and others.
@@ -94,7 +94,7 @@ impl Lists {
         first: &[u32],
         entries: Vec<Reached>,
         mut heads: Vec<Head>,
-    ) -> (Lists, Vec<Head>, Vec<Block>, Vec<HullBlock>) {
+    ) -> (Lists, Vec<Head>, Vec<PieceBlock>, Vec<HullBlock>) {
         let mut lists = Lists {
             pieces: copies.all(),
             frame: copies.frame(),
@@ -116,7 +116,7 @@ impl Lists {
             .filter(|&cell| !lists.is_exact(copies, &heads, cell as usize))
             .collect();
         for cell in unlike {
-            let Found::Listed(plain, others) = lists.find(&heads, cell as usize) else {
+            let InCell::Listed(plain, others) = lists.find(&heads, cell as usize) else {
                 continue;
             };
             let head = Head {
@@ -154,13 +154,13 @@ impl Lists {
 
     /// What a cell holds.
     #[inline(always)]
-    pub fn find(&self, heads: &[Head], cell: usize) -> Found<'_> {
+    pub fn find(&self, heads: &[Head], cell: usize) -> InCell<'_> {
         let (head, next) = (&heads[cell], &heads[cell + 1]);
         if head.hulls == COPIED {
-            return Found::Copied(self.copied_head(cell as u32));
+            return InCell::Copied(self.copied_head(cell as u32));
         }
         let [a, b, c] = [head.blocks, head.hulls, next.blocks].map(|i| i as usize);
-        Found::Listed(&self.entries[a..b], &self.entries[b..c])
+        InCell::Listed(&self.entries[a..b], &self.entries[b..c])
     }
 
     #[inline(never)]
@@ -179,8 +179,8 @@ impl Lists {
     /// Up to sixteen plain pieces in the frame of a cell: what [`Ends::write_block`]
     /// gives, in loops that become vectors.
     #[inline(always)]
-    pub fn block(&self, entries: &[Reached], cell: IVec3) -> Block {
-        let mut block = Block::empty();
+    pub fn block(&self, entries: &[Reached], cell: IVec3) -> PieceBlock {
+        let mut block = PieceBlock::empty();
         let (mut at, mut axis) = ([[0.0f64; BLOCK]; 3], [[0.0f64; BLOCK]; 3]);
         let (mut length, mut mitre) = ([0.0f64; BLOCK], [[0.0f64; BLOCK]; 2]);
         let here = self.frame.offset_in_cell(cell, [0; 2]);
@@ -228,7 +228,7 @@ impl Lists {
 
     /// Whether lists give the bits of copies in a cell.
     fn is_exact(&self, copies: &Copies<'_>, heads: &[Head], cell: usize) -> bool {
-        let Found::Listed(plain, others) = self.find(heads, cell) else {
+        let InCell::Listed(plain, others) = self.find(heads, cell) else {
             return true;
         };
         let at = self.frame.cell_at(cell);

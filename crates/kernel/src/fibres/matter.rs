@@ -5,7 +5,7 @@ use super::cell_ray::{CellHit, CellRay, Visit};
 use super::cells::Unfit;
 use super::grid::GridPoint;
 use super::joint_table::JointTable;
-use super::plane::FibrePlane;
+use super::plane::Plane;
 use super::strands::Strands;
 use crate::packed::{FibreVolume, PackedPart, PackedVoxels, Switch};
 use crate::refusal::Refusal;
@@ -20,7 +20,7 @@ use std::sync::Arc;
 /// Cloths of explicit fibres, and planes, with what they scatter.
 pub struct FibreMatter {
     pub(crate) bodies: Arc<Vec<Body>>,
-    pub(crate) planes: Vec<FibrePlane>,
+    pub(crate) planes: Vec<Plane>,
     /// Of the pieces of all bodies, one body after the other.
     pub(crate) joints: Arc<JointTable>,
     pub(crate) optics: Optics,
@@ -36,7 +36,7 @@ impl FibreMatter {
     /// See [`Unfit`].
     pub fn new(
         bodies: &[FibreBody<'_>],
-        planes: Vec<FibrePlane>,
+        planes: Vec<Plane>,
         max_bytes: u64,
     ) -> Result<FibreMatter, Unfit> {
         let (mut made, mut joints) = (Vec::<Body>::new(), JointTable::default());
@@ -90,7 +90,7 @@ impl FibreMatter {
             origin_mm: grid.bounds_mm().min,
             reach: grid,
             fibres: source.fibres(),
-            drape: None,
+            shell: None,
         };
         let bare = FibreMatter::new(&[none], Vec::new(), max_bytes)
             .map_err(|unfit| Refusal::of_fibres(unfit, max_bytes))?;
@@ -129,7 +129,7 @@ impl FibreMatter {
     /// Whether there is nothing but one flat body: every ray has one way through its cells.
     #[inline(always)]
     pub(crate) fn is_one_body(&self) -> bool {
-        self.planes.is_empty() && self.bodies.len() == 1 && self.bodies[0].drape.is_none()
+        self.planes.is_empty() && self.bodies.len() == 1 && self.bodies[0].shell.is_none()
     }
 
     /// Whether there is nothing but one flat body of explicit fibres.
@@ -166,7 +166,7 @@ impl FibreMatter {
 
     /// Whether some of it is draped.
     pub(super) fn is_draped(&self) -> bool {
-        self.bodies.iter().any(|b| b.drape.is_some())
+        self.bodies.iter().any(|b| b.shell.is_some())
     }
 
     /// Bytes in use.

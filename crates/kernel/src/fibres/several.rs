@@ -5,7 +5,7 @@ use super::cell_ray::CellRay;
 use super::grid::GridPoint;
 use super::matter::FibreMatter;
 use super::paths::{Paths, State, get, put};
-use super::plane::FibrePlane;
+use super::plane::Plane;
 use super::shade::{SHADOW_SCALE, Shading};
 use super::shadows::Shadows;
 use super::trip::{TripEnd, TripStart};
@@ -18,7 +18,7 @@ use organza_lanes::one;
 use organza_light::{Light, LightSearch};
 
 /// Sends the path of a slot off along its direction.
-pub fn set_out(
+pub fn begin_trip(
     matter: &FibreMatter,
     paths: &mut Paths,
     slot: usize,
@@ -27,11 +27,11 @@ pub fn set_out(
 ) {
     let ray = (origin_mm, direction);
     paths.trips[slot].begin(matter, ray, start, f64::INFINITY);
-    go_on(matter, paths, slot);
+    continue_trip(matter, paths, slot);
 }
 
 /// The next stretch of the path of a slot, or what its ray has met.
-pub fn go_on(matter: &FibreMatter, paths: &mut Paths, slot: usize) {
+pub fn continue_trip(matter: &FibreMatter, paths: &mut Paths, slot: usize) {
     let trip = &mut paths.trips[slot];
     if let Some(ray) = trip.next(matter) {
         ray.prepare_head(matter);
@@ -71,7 +71,7 @@ pub fn point_mm(matter: &FibreMatter, paths: &Paths, slot: usize, at: &GridPoint
         return trip.end_mm();
     };
     let body = &matter.bodies[usize::from(met.body)];
-    if body.drape.is_none() {
+    if body.shell.is_none() {
         return body.cells.grid.world_mm(at);
     }
     let from_met = at.at_mm - (met.hit.axis_at_mm + met.hit.out_mm);
@@ -151,11 +151,11 @@ pub fn meet_plane(
     paths.drawn_at_mm[slot] = at_mm.as_vec3();
     let from = plane.start_mm(at_mm, w_in);
     paths.sent_from_mm[slot] = from;
-    set_out(matter, paths, slot, (from, w_in.as_dvec3()), None);
+    begin_trip(matter, paths, slot, (from, w_in.as_dvec3()), None);
 }
 
 struct PlaneEvent<'a> {
-    plane: &'a FibrePlane,
+    plane: &'a Plane,
     at_mm: DVec3,
     w_out: Vec3,
     carried: Rgb,

@@ -11,7 +11,7 @@ use super::met_fibres::{
 };
 use super::own_frame::OwnFrame;
 use super::paths::{Paths, State, get, load, put, store};
-use super::several::{point_mm, set_out, start_at};
+use super::several::{begin_trip, point_mm, start_at};
 use super::shadows::Shadows;
 use super::trip::TripEnd;
 use super::work::WAVE;
@@ -62,38 +62,7 @@ pub fn shade<F: Floats>(
     shadows: &mut Shadows,
     stats: &mut Stats,
 ) {
-    let (mut met, mut new, mut packed) = (0u32, 0u32, 0u32);
-    for lane in 0..F::LANES {
-        let slot = first + lane;
-        if paths.state[slot] != State::Met {
-            continue;
-        }
-        if std::mem::take(&mut paths.branches.resumed[slot]) {
-            met |= 1 << lane;
-            continue;
-        }
-        stats.collisions += 1;
-        if paths.bounces[slot] == 0 {
-            paths.first[slot] = Some(first_event(shading.matter, paths, slot));
-        }
-        let order = paths.fibres_met[slot];
-        paths.fibres_met[slot] += 1;
-        if let Some(rest) = shading.cache.at_fibre(shading.matter, paths, slot, order) {
-            let seen = get(&paths.radiance, slot) + rest;
-            put(&mut paths.radiance, slot, seen);
-            paths.state[slot] = State::Ended;
-            continue;
-        }
-        if paths.bounces[slot] == shading.max_bounces {
-            stats.cut += 1;
-            paths.state[slot] = State::Ended;
-            continue;
-        }
-        paths.bounces[slot] += 1;
-        met |= 1 << lane;
-        new |= 1 << lane;
-        packed |= u32::from(paths.in_volume[slot]) << lane;
-    }
+    let Arrived { met, new, packed } = arrive(shading, paths, (first, F::LANES), stats);
     if met == 0 {
         return;
     }
@@ -208,50 +177,109 @@ pub fn shade<F: Floats>(
             paths.state[slot] = State::Ended;
             continue;
         }
-        if shading.weighs {
-            paths.drawn_at_mm[slot] = place_mm(shading.matter, paths, slot);
-        }
-        let from = leaving_point(paths, slot, get(&starts, lane));
-        if shading.has_places {
-            paths.sent_from_mm[slot] = world_mm(shading.matter, paths, slot, &from);
-        }
-        let toward = get(&paths.direction, slot);
-        let part = shading.matter.packed.as_ref();
-        let goes_on_packed = |part: &&PackedPart| {
-            paths.in_volume[slot] || part.switch.is_over(paths.bounces[slot], carries[lane])
-        };
-        if let Some(part) = part.filter(goes_on_packed) {
-            // Its random numbers are the slot's, which the walk hands over.
-            let way = (&from, toward, f32::INFINITY);
-            let ray = packed_ray(shading.matter, part, paths, slot, way, [0; 3]);
-            paths.state[slot] = if ray.is_some() {
-                State::Flying
-            } else {
-                State::Left
-            };
-            paths.in_volume[slot] = true;
-            paths.volume_rays[slot] = ray.unwrap_or(VolumeRay::none());
+        go_onward(shading, paths, slot, get(&starts, lane), carries[lane]);
+    }
+}
+
+/// Lanes at fibres, as bits.
+#[derive(Default)]
+struct Arrived {
+    met: u32,
+    /// Those of `met` that were not divided from other paths.
+    new: u32,
+    /// Those of `new` among packed fibres.
+    packed: u32,
+}
+
+/// Counts the fibres that the paths of some lanes meet, and ends those paths that go no farther.
+#[inline(always)]
+fn arrive(
+    shading: &Shading<'_>,
+    paths: &mut Paths,
+    (first, lanes): (usize, usize),
+    stats: &mut Stats,
+) -> Arrived {
+    let mut arrived = Arrived::default();
+    for lane in 0..lanes {
+        let slot = first + lane;
+        if paths.state[slot] != State::Met {
             continue;
         }
-        let LeavingPoint::Explicit(from) = from else {
-            continue;
-        };
-        if !paths.trips.is_empty() {
-            let origin = point_mm(shading.matter, paths, slot, &from);
-            let start = Some(start_at(paths, slot, from));
-            let ray = (origin, toward.as_dvec3());
-            set_out(shading.matter, paths, slot, ray, start);
+        if std::mem::take(&mut paths.branches.resumed[slot]) {
+            arrived.met |= 1 << lane;
             continue;
         }
-        let ray = ray(shading.matter, &from, toward, f32::INFINITY);
+        stats.collisions += 1;
+        if paths.bounces[slot] == 0 {
+            paths.first[slot] = Some(first_event(shading.matter, paths, slot));
+        }
+        let order = paths.fibres_met[slot];
+        paths.fibres_met[slot] += 1;
+        if let Some(rest) = shading.cache.at_fibre(shading.matter, paths, slot, order) {
+            let seen = get(&paths.radiance, slot) + rest;
+            put(&mut paths.radiance, slot, seen);
+            paths.state[slot] = State::Ended;
+            continue;
+        }
+        if paths.bounces[slot] == shading.max_bounces {
+            stats.cut += 1;
+            paths.state[slot] = State::Ended;
+            continue;
+        }
+        paths.bounces[slot] += 1;
+        arrived.met |= 1 << lane;
+        arrived.new |= 1 << lane;
+        arrived.packed |= u32::from(paths.in_volume[slot]) << lane;
+    }
+    arrived
+}
+
+/// Sends the path of a slot off from where it leaves a fibre, with what it carries.
+#[inline(always)]
+fn go_onward(shading: &Shading<'_>, paths: &mut Paths, slot: usize, start: Vec3, carried: f32) {
+    if shading.weighs {
+        paths.drawn_at_mm[slot] = place_mm(shading.matter, paths, slot);
+    }
+    let from = leaving_point(paths, slot, start);
+    if shading.has_places {
+        paths.sent_from_mm[slot] = world_mm(shading.matter, paths, slot, &from);
+    }
+    let toward = get(&paths.direction, slot);
+    let part = shading.matter.packed.as_ref();
+    let goes_on_packed = |part: &&PackedPart| {
+        paths.in_volume[slot] || part.switch.is_over(paths.bounces[slot], carried)
+    };
+    if let Some(part) = part.filter(goes_on_packed) {
+        // Its random numbers are the slot's, which the walk hands over.
+        let way = (&from, toward, f32::INFINITY);
+        let ray = packed_ray(shading.matter, part, paths, slot, way, [0; 3]);
         paths.state[slot] = if ray.is_some() {
             State::Flying
         } else {
             State::Left
         };
-        paths.rays[slot] = ray.unwrap_or(CellRay::none());
-        paths.rays[slot].prepare_head(shading.matter);
+        paths.in_volume[slot] = true;
+        paths.volume_rays[slot] = ray.unwrap_or(VolumeRay::none());
+        return;
     }
+    let LeavingPoint::Explicit(from) = from else {
+        return;
+    };
+    if !paths.trips.is_empty() {
+        let origin = point_mm(shading.matter, paths, slot, &from);
+        let start = Some(start_at(paths, slot, from));
+        let ray = (origin, toward.as_dvec3());
+        begin_trip(shading.matter, paths, slot, ray, start);
+        return;
+    }
+    let ray = ray(shading.matter, &from, toward, f32::INFINITY);
+    paths.state[slot] = if ray.is_some() {
+        State::Flying
+    } else {
+        State::Left
+    };
+    paths.rays[slot] = ray.unwrap_or(CellRay::none());
+    paths.rays[slot].prepare_head(shading.matter);
 }
 
 /// Where light leaves a fibre, from the centre of the cell.

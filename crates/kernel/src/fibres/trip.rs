@@ -3,10 +3,10 @@
 
 use super::body::{Body, clip};
 use super::cell_ray::{CellHit, CellRay};
-use super::drape::{Drape, DrapeSpan};
 use super::grid::GridPoint;
 use super::matter::FibreMatter;
 use glam::{DVec3, Mat3, Vec3};
+use organza_mesh::{Shell, ShellSpan};
 
 /// A stretch through a tetrahedron is looked at so much beyond its ends, in the rounding
 /// of distances in its cells: what is met at a face belongs to one of its sides at least.
@@ -57,7 +57,7 @@ struct Over {
     entry_mm: f64,
     entry: DVec3,
     /// Parts in order, of which the next one is to be walked.
-    spans: Vec<DrapeSpan>,
+    spans: Vec<ShellSpan>,
     next: usize,
     /// Parts that begin before were looked for, mm from the entry.
     looked_mm: f64,
@@ -127,8 +127,7 @@ impl Trip {
         }
     }
 
-    /// Sets out from a point along a unit direction: what lies beyond `most_mm` does not
-    /// count.
+    /// Starts at a point along a unit direction: what lies beyond `most_mm` does not count.
     pub fn begin(
         &mut self,
         matter: &FibreMatter,
@@ -140,7 +139,7 @@ impl Trip {
         self.start = start;
         (self.reach_mm, self.met) = (most_mm, TripEnd::Nothing);
         self.looked_at = 0;
-        self.leave_drape();
+        self.leave_shell();
         self.over.idle = 0;
         for (number, plane) in matter.planes.iter().enumerate() {
             let t = plane.distance_mm(origin_mm, direction);
@@ -158,7 +157,7 @@ impl Trip {
                 self.over.next += 1;
                 if self.over.entry_mm + span.t0 >= self.reach_mm {
                     // Nor does any after it count.
-                    self.leave_drape();
+                    self.leave_shell();
                 } else if let Some(ray) = self.along(matter, &span) {
                     return Some(ray);
                 }
@@ -169,16 +168,16 @@ impl Trip {
             }
             if self.over.entry_mm + self.over.looked_mm < self.reach_mm {
                 let body = &matter.bodies[usize::from(self.body)];
-                if let Some(drape) = &body.drape {
-                    self.look(&**drape, CELLS_AHEAD * f64::from(body.cells.min_edge_mm));
+                if let Some(shell) = &body.shell {
+                    self.look(shell, CELLS_AHEAD * f64::from(body.cells.min_edge_mm));
                     continue;
                 }
             }
-            self.leave_drape();
+            self.leave_shell();
             self.body = self.next_body(matter)?;
             let body = &matter.bodies[usize::from(self.body)];
-            match &body.drape {
-                Some(drape) => self.enter_drape(&**drape),
+            match &body.shell {
+                Some(shell) => self.enter_shell(shell),
                 None => {
                     if let Some(ray) = self.enter(body) {
                         return Some(ray);
@@ -223,7 +222,7 @@ impl Trip {
     }
 
     /// No part of a shell is to be walked.
-    fn leave_drape(&mut self) {
+    fn leave_shell(&mut self) {
         self.over.spans.clear();
         (self.over.next, self.over.looked_mm) = (0, f64::INFINITY);
         self.over.onward = None;
@@ -231,15 +230,15 @@ impl Trip {
 
     /// To the part of a draped body in which the ray starts, or to the box around the body, whose
     /// parts are looked for next.
-    fn enter_drape(&mut self, drape: &dyn Drape) {
+    fn enter_shell(&mut self, shell: &Shell) {
         if let Some(start) = self.start.filter(|start| start.body == self.body)
-            && let Some(part) = drape.part_at(start.part, self.origin_mm)
+            && let Some(part) = shell.tetrahedron_at(start.part, self.origin_mm)
         {
             (self.over.entry_mm, self.over.entry) = (0.0, self.origin_mm);
             self.over.onward = Some(Onward::Part(part, 0.0));
             return;
         }
-        let Some((near, _)) = clip(self.origin_mm, self.direction, drape.bounds_mm()) else {
+        let Some((near, _)) = clip(self.origin_mm, self.direction, shell.bounds_mm()) else {
             return;
         };
         self.over.entry_mm = near.max(0.0);
@@ -258,9 +257,9 @@ impl Trip {
         if over.entry_mm + from_mm >= self.reach_mm {
             return;
         }
-        match (onward, &matter.bodies[usize::from(self.body)].drape) {
-            (Onward::Part(part, _), Some(drape)) => {
-                let step = drape.step(part, over.entry, self.direction, from_mm);
+        match (onward, &matter.bodies[usize::from(self.body)].shell) {
+            (Onward::Part(part, _), Some(shell)) => {
+                let step = shell.step(part, (over.entry, self.direction), from_mm);
                 over.spans.extend(step.span);
                 over.idle += u32::from(step.span.is_none());
                 let end_mm = step.end_mm;
@@ -280,7 +279,7 @@ impl Trip {
 
     /// Looks for the nearest parts that were not looked for yet, and for those that begin
     /// little later; only for the nearest if it is alone in its room.
-    fn look(&mut self, drape: &dyn Drape, ahead_mm: f64) {
+    fn look(&mut self, shell: &Shell, ahead_mm: f64) {
         let over = &mut self.over;
         let (from, spans) = (over.looked_mm, &mut over.spans);
         spans.clear();
@@ -288,7 +287,7 @@ impl Trip {
         let limit = self.reach_mm - over.entry_mm;
         let goes_onward = over.idle < MOST_IDLE;
         let (mut nearest, mut ahead, mut wanted) = (f64::INFINITY, ahead_mm, f64::INFINITY);
-        drape.visit_spans(over.entry, self.direction, limit, &mut |span| {
+        shell.visit_whole_spans((over.entry, self.direction), limit, |span| {
             if span.t0 >= from {
                 if span.t0 < nearest {
                     nearest = span.t0;
@@ -306,14 +305,14 @@ impl Trip {
         spans.retain(|span| span.t0 < over.looked_mm);
         spans.sort_by(|a, b| a.t0.total_cmp(&b.t0).then(a.t1.total_cmp(&b.t1)));
         if let Some(first) = spans.first().filter(|s| s.is_alone && goes_onward) {
-            over.onward = Some(Onward::Part(first.part, first.t0));
+            over.onward = Some(Onward::Part(first.tetrahedron, first.t0));
             over.looked_mm = f64::INFINITY;
             spans.clear();
         }
     }
 
     /// Through a part of the shell, as the general walk goes through it.
-    fn along(&mut self, matter: &FibreMatter, span: &DrapeSpan) -> Option<CellRay> {
+    fn along(&mut self, matter: &FibreMatter, span: &ShellSpan) -> Option<CellRay> {
         let body = &matter.bodies[usize::from(self.body)];
         let own_per_mm = span.step.length();
         let way = span.step / own_per_mm;
@@ -363,7 +362,7 @@ impl Trip {
                 s.step.normalize().as_vec3(),
                 s.world_from_cloth,
                 s.stretch,
-                s.part,
+                s.tetrahedron,
             ),
             None => (self.direction.as_vec3(), Mat3::IDENTITY, Mat3::IDENTITY, 0),
         };
@@ -397,7 +396,7 @@ impl Trip {
 /// How far a stretch of some length through a tetrahedron is looked at beyond its ends, mm
 /// of the cloth: the rounding of single precision in its cells, and of double precision in
 /// the places of its ends, of which the world's is `from_mm` or near it.
-fn slack_mm(span: &DrapeSpan, length_mm: f64, from_mm: DVec3) -> f64 {
+fn slack_mm(span: &ShellSpan, length_mm: f64, from_mm: DVec3) -> f64 {
     let places_mm = (span.cloth_mm.abs() + from_mm.abs()).max_element() + span.t1;
     let rounding_mm = f64::from(f32::EPSILON) * length_mm + f64::EPSILON * places_mm;
     FACE_ROUNDINGS * rounding_mm

@@ -6,7 +6,7 @@ use super::cell_ray::{CellRay, Visit};
 use super::importance::Importance;
 use super::matter::FibreMatter;
 use super::paths::{Paths, State, get};
-use super::several::{go_on, meet_plane, set_out};
+use super::several::{begin_trip, continue_trip, meet_plane};
 use super::shade::{Shading, has_place, shade};
 use super::shadows::Shadows;
 use super::work::{End, Start, WAVE, Work};
@@ -158,7 +158,7 @@ impl Walk<'_> {
                     Visit::Onward => {}
                     Visit::Met(hit) if !paths.trips.is_empty() => {
                         paths.trips[slot].put(&hit);
-                        go_on(matter, paths, slot);
+                        continue_trip(matter, paths, slot);
                         self.pass_on(paths, slot, has_places, work, stats);
                     }
                     Visit::Met(hit) => {
@@ -170,7 +170,7 @@ impl Walk<'_> {
                         if paths.trips.is_empty() {
                             paths.state[slot] = State::Left;
                         } else {
-                            go_on(matter, paths, slot);
+                            continue_trip(matter, paths, slot);
                         }
                         self.pass_on(paths, slot, has_places, work, stats);
                     }
@@ -294,7 +294,7 @@ impl Walk<'_> {
         paths.met.distance[slot] = f32::INFINITY;
         paths.in_volume[slot] = false;
         if !paths.trips.is_empty() {
-            set_out(self.matter, paths, slot, (origin_mm, direction), None);
+            begin_trip(self.matter, paths, slot, (origin_mm, direction), None);
             return;
         }
         let body = &self.matter.bodies[0];

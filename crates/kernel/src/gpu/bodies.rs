@@ -4,11 +4,12 @@ use super::cell_tables::CellTables;
 use super::numbers::Numbers;
 use super::scene_words::put;
 use super::tables::Tables;
+use crate::fibres::Plane;
 use crate::fibres::body::Body;
 use crate::fibres::matter::FibreMatter;
-use crate::fibres::{DrapeBox, DrapeTetrahedron, FibrePlane};
 use crate::refusal::Refusal;
 use glam::{DVec3, Mat3, Vec3};
+use organza_mesh::{NOBODY, ShellBox, ShellTetrahedron};
 
 const BODY_WORDS: usize = 28;
 const BOX_WORDS: usize = 8;
@@ -28,9 +29,9 @@ pub fn place_from(point_mm: DVec3, world_mm: DVec3) -> Vec3 {
 
 /// A point among the matter, from which places of the world are counted.
 pub fn middle_mm(matter: &FibreMatter) -> DVec3 {
-    let drapes = matter.bodies.iter().filter_map(|b| b.drape.as_ref());
-    let draped = drapes
-        .map(|d| d.bounds_mm())
+    let shells = matter.bodies.iter().filter_map(|b| b.shell.as_ref());
+    let draped = shells
+        .map(|s| s.bounds_mm())
         .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
     draped.map_or(matter.middle_mm().as_dvec3(), |(low, high)| {
         0.5 * (low + high)
@@ -89,8 +90,8 @@ fn body_words<'a>(
     let of_cells = CellTables::add(cells, tables)?;
     words[21..24].copy_from_slice(&[of_cells.heads, of_cells.pieces, of_cells.hulls]);
     words[26] = of_cells.ends;
-    if let Some(drape) = &body.drape {
-        let shell = drape.tables(middle_mm);
+    if let Some(shell) = &body.shell {
+        let shell = shell.tables(middle_mm);
         let before = (tetrahedra.len() / TETRAHEDRON_WORDS) as u32;
         let count = before as usize + shell.tetrahedra.len();
         let fullest = shell.boxes.iter().map(|b| b.count).max();
@@ -111,7 +112,7 @@ fn body_words<'a>(
     Ok(words)
 }
 
-fn box_words(b: &DrapeBox, before: u32) -> [u32; BOX_WORDS] {
+fn box_words(b: &ShellBox, before: u32) -> [u32; BOX_WORDS] {
     let mut words = [0; BOX_WORDS];
     put(&mut words, 0, b.min_mm);
     words[3] = b.skip;
@@ -120,7 +121,7 @@ fn box_words(b: &DrapeBox, before: u32) -> [u32; BOX_WORDS] {
     words
 }
 
-fn tetrahedron_words(t: &DrapeTetrahedron, body: &Body, before: u32) -> [u32; TETRAHEDRON_WORDS] {
+fn tetrahedron_words(t: &ShellTetrahedron, body: &Body, before: u32) -> [u32; TETRAHEDRON_WORDS] {
     let mut words = [0; TETRAHEDRON_WORDS];
     put_columns(&mut words, 0, &t.weights_from_world, t.corner_mm);
     let corner = body.cells.grid.locate(t.cloth_corner_mm);
@@ -132,14 +133,14 @@ fn tetrahedron_words(t: &DrapeTetrahedron, body: &Body, before: u32) -> [u32; TE
     put_columns(&mut words, 44, &t.stretch, Vec3::ZERO);
     for (word, neighbour) in words[56..].iter_mut().zip(t.neighbours) {
         *word = match neighbour {
-            u32::MAX => u32::MAX,
+            NOBODY => NOBODY,
             own => before + own,
         };
     }
     words
 }
 
-fn plane_words(plane: &FibrePlane, middle_mm: DVec3) -> [u32; PLANE_WORDS] {
+fn plane_words(plane: &Plane, middle_mm: DVec3) -> [u32; PLANE_WORDS] {
     let mut words = [0; PLANE_WORDS];
     let place = plane.position_mm.as_dvec3() - middle_mm;
     for (at, v) in [

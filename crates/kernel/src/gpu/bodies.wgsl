@@ -209,8 +209,8 @@ fn is_alone(index: u32) -> bool {
     return word(tetrahedron_at(index) + 27u) != 0u;
 }
 
-// Sets out from a place along a unit direction. The plane that the ray starts at is not met.
-fn set_out(from_mm: vec3<f32>, direction: vec3<f32>, low: f32, reach: f32, left: u32) {
+// Starts at a place along a unit direction. The plane that the ray starts at is not met.
+fn begin_trip(from_mm: vec3<f32>, direction: vec3<f32>, low: f32, reach: f32, left: u32) {
     trip.origin = from_mm;
     trip.direction = direction;
     trip.low = low;
@@ -516,7 +516,7 @@ fn begin_path(pixel: vec2<f32>) {
     path.phase = FLYING;
     path.w_out = -seen.direction;
     path.drawn_at = seen.crossing;
-    set_out(seen.crossing, seen.direction, -seen.length_mm, FAR_AWAY, NO_PLACE);
+    begin_trip(seen.crossing, seen.direction, -seen.length_mm, FAR_AWAY, NO_PLACE);
 }
 
 // What the way has led to.
@@ -588,7 +588,7 @@ fn send(start: vec3<f32>, toward: vec3<f32>, end: f32) {
     if !at_plane {
         from_mm = place_of(start);
     }
-    set_out(from_mm, toward, 0.0, end, site_plane);
+    begin_trip(from_mm, toward, 0.0, end, site_plane);
     if !at_plane {
         trip.start_body = site_body;
         trip.start_tetrahedron = site_part;

@@ -1,10 +1,10 @@
 //! The pieces of fibre in cells, one after the other, without the empty places of blocks.
 
 use super::tables::{Made, Tables};
-use crate::fibres::block::{BLOCK, Block};
+use crate::fibres::block::{BLOCK, PieceBlock};
 use crate::fibres::cells::Cells;
 use crate::fibres::hull::HullBlock;
-use crate::fibres::lists::Found;
+use crate::fibres::lists::InCell;
 use crate::refusal::Refusal;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -129,31 +129,31 @@ fn add_hulls(cells: &Cells, cell: usize, words: &mut Vec<u32>) {
     });
 }
 
-fn found(cells: &Cells, cell: usize) -> Found<'_> {
+fn found(cells: &Cells, cell: usize) -> InCell<'_> {
     match &cells.lists {
-        None => Found::Copied(cells.heads[cell]),
+        None => InCell::Copied(cells.heads[cell]),
         Some(lists) => lists.find(&cells.heads, cell),
     }
 }
 
 /// Calls `each` with the blocks of a cell's plain pieces and their places there.
-fn for_each_piece(cells: &Cells, cell: usize, mut each: impl FnMut(&Block, usize)) {
+fn for_each_piece(cells: &Cells, cell: usize, mut each: impl FnMut(&PieceBlock, usize)) {
     // Whatever nothing can meet has a negative square of its radius.
-    let mut of_block = |block: &Block| {
+    let mut of_block = |block: &PieceBlock| {
         let places = (0..BLOCK).filter(|&i| block.radius_squared[i] >= 0.0);
         places.for_each(|i| each(block, i));
     };
     match (found(cells, cell), &cells.lists) {
-        (Found::Copied(head), _) => {
+        (InCell::Copied(head), _) => {
             let blocks = &cells.blocks[head.blocks as usize..][..usize::from(head.block_count)];
             blocks.iter().for_each(of_block);
         }
-        (Found::Listed(plain, _), Some(lists)) => {
+        (InCell::Listed(plain, _), Some(lists)) => {
             for entries in plain.chunks(BLOCK) {
                 of_block(&lists.block(entries, lists.cell_at(cell)));
             }
         }
-        (Found::Listed(..), None) => {}
+        (InCell::Listed(..), None) => {}
     }
 }
 
@@ -165,15 +165,15 @@ fn for_each_hull(cells: &Cells, cell: usize, mut each: impl FnMut(&HullBlock, us
         places.for_each(|i| each(hull, i));
     };
     match (found(cells, cell), &cells.lists) {
-        (Found::Copied(head), _) => {
+        (InCell::Copied(head), _) => {
             let hulls = &cells.hulls[head.hulls as usize..][..usize::from(head.hull_count)];
             hulls.iter().for_each(of_block);
         }
-        (Found::Listed(_, others), Some(lists)) => {
+        (InCell::Listed(_, others), Some(lists)) => {
             for entries in others.chunks(BLOCK) {
                 of_block(&lists.hulls(entries, lists.cell_at(cell)));
             }
         }
-        (Found::Listed(..), None) => {}
+        (InCell::Listed(..), None) => {}
     }
 }

@@ -5,11 +5,12 @@ use super::cell_tables::CellTables;
 use super::numbers::Numbers;
 use super::program::ProgramScene;
 use super::scene_words::{
-    LIGHT_WORDS, SKY_WORDS, add_camera, filter_constants, panel_words, put, put_map,
+    LIGHT_WORDS, PicturePaths, SKY_WORDS, add_picture, filter_constants, panel_words, put, put_map,
 };
 use super::tables::Tables;
 use crate::fibres::body::Body;
 use crate::fibres::fibre_scene::FibreScene;
+use crate::fibres::matter::FibreMatter;
 use crate::fibres::shade::SHADOW_SCALE;
 use crate::packed::PackedPart;
 use crate::refusal::Refusal;
@@ -79,14 +80,13 @@ pub fn program_scene(scene: &Arc<FibreScene>) -> Result<ProgramScene<'_>, Refusa
     );
     constants += &filter_constants(camera.filter);
 
-    let film_width = scene.camera.resolution().x;
-    numbers.whole("film_width", film_width);
-    numbers.whole("seed_low", scene.seed as u32);
-    numbers.whole("seed_high", (scene.seed >> 32) as u32);
-    numbers.whole("max_bounces", scene.max_bounces);
-    numbers.signed("brightness_exponent", scene.brightness.exponent());
-    numbers.number("brightest_summed", scene.brightness.most());
-    add_camera(&mut numbers, &camera);
+    let paths = PicturePaths {
+        film_width: scene.camera.resolution().x,
+        seed: scene.seed,
+        max_bounces: scene.max_bounces,
+        brightness: scene.brightness,
+    };
+    add_picture(&mut numbers, &paths, &camera);
     let starts_packed = packed.is_some_and(|part| part.switch.is_over(0, 1.0));
     ProgramScene::constant(&mut constants, "STARTS_PACKED", starts_packed);
     if let Some(part) = packed {
@@ -110,37 +110,9 @@ pub fn program_scene(scene: &Arc<FibreScene>) -> Result<ProgramScene<'_>, Refusa
     numbers.whole("lamp_count", lamps.sum());
     numbers.whole("skies_table", tables.add(skies));
 
-    let of_skies = match lights.pictures.is_empty() {
-        true => [
-            include_str!("no_skies.wgsl"),
-            include_str!("no_fibre_lamps.wgsl"),
-        ],
-        false => [include_str!("skies.wgsl"), include_str!("fibre_lamps.wgsl")],
-    };
-    let mut parts = vec![
-        include_str!("camera_rays.wgsl"),
-        include_str!("panels.wgsl"),
-        include_str!("cells.wgsl"),
-        include_str!("inclinations.wgsl"),
-        include_str!("near_field.wgsl"),
-        include_str!("fibre_walk.wgsl"),
-    ];
-    parts.extend(of_skies);
-    parts.extend(match packed {
-        Some(_) => &PACKED_PARTS[..],
-        None => &[include_str!("no_packed.wgsl")],
-    });
-    parts.push(match matter.optics.has_sections {
-        true => include_str!("sections.wgsl"),
-        false => include_str!("no_sections.wgsl"),
-    });
-    parts.push(match only {
-        Some(_) => include_str!("one_body.wgsl"),
-        None => include_str!("bodies.wgsl"),
-    });
     Ok(ProgramScene {
         constants,
-        parts,
+        parts: parts_of(matter, &lights),
         numbers,
         tables,
         lane_words: LANE_WORDS
@@ -149,9 +121,41 @@ pub fn program_scene(scene: &Arc<FibreScene>) -> Result<ProgramScene<'_>, Refusa
                 (None, Some(_)) => 0,
                 (None, None) => WAY_WORDS,
             },
-        film_width,
+        film_width: paths.film_width,
         brightness: scene.brightness,
     })
+}
+
+/// The sources that matter and lights need.
+fn parts_of(matter: &FibreMatter, lights: &Lights<'_>) -> Vec<&'static str> {
+    let mut parts = vec![
+        include_str!("camera_rays.wgsl"),
+        include_str!("panels.wgsl"),
+        include_str!("cells.wgsl"),
+        include_str!("inclinations.wgsl"),
+        include_str!("near_field.wgsl"),
+        include_str!("fibre_walk.wgsl"),
+    ];
+    parts.extend(match lights.pictures.is_empty() {
+        true => [
+            include_str!("no_skies.wgsl"),
+            include_str!("no_fibre_lamps.wgsl"),
+        ],
+        false => [include_str!("skies.wgsl"), include_str!("fibre_lamps.wgsl")],
+    });
+    parts.extend(match matter.packed {
+        Some(_) => &PACKED_PARTS[..],
+        None => &[include_str!("no_packed.wgsl")],
+    });
+    parts.push(match matter.optics.has_sections {
+        true => include_str!("sections.wgsl"),
+        false => include_str!("no_sections.wgsl"),
+    });
+    parts.push(match matter.is_one_body() {
+        true => include_str!("one_body.wgsl"),
+        false => include_str!("bodies.wgsl"),
+    });
+    parts
 }
 
 /// Adds the numbers and tables of a flat body that is alone: see `one_body.wgsl`.

@@ -3,7 +3,7 @@
 use super::numbers::Numbers;
 use crate::voxels::camera_rays::CameraRays;
 use glam::Vec3;
-use organza_film::PixelFilter;
+use organza_film::{Brightness, PixelFilter};
 use organza_light::PictureMap;
 
 /// Words of a light and of a picture: see `panels.wgsl`, `skies.wgsl`.
@@ -41,8 +41,22 @@ pub fn filter_constants(filter: PixelFilter) -> String {
     )
 }
 
-/// The numbers of a camera.
-pub fn add_camera(numbers: &mut Numbers, camera: &CameraRays) {
+/// What names the paths of a picture and sums their samples.
+pub struct PicturePaths {
+    pub film_width: u32,
+    pub seed: u64,
+    pub max_bounces: u32,
+    pub brightness: Brightness,
+}
+
+/// The numbers of a picture and of its camera.
+pub fn add_picture(numbers: &mut Numbers, paths: &PicturePaths, camera: &CameraRays) {
+    numbers.whole("film_width", paths.film_width);
+    numbers.whole("seed_low", paths.seed as u32);
+    numbers.whole("seed_high", (paths.seed >> 32) as u32);
+    numbers.whole("max_bounces", paths.max_bounces);
+    numbers.signed("brightness_exponent", paths.brightness.exponent());
+    numbers.number("brightest_summed", paths.brightness.most());
     let [half_columns, half_rows] = camera.half_size;
     numbers.number("half_columns", half_columns);
     numbers.number("half_rows", half_rows);

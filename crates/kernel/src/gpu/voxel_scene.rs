@@ -3,7 +3,7 @@
 use super::numbers::Numbers;
 use super::program::ProgramScene;
 use super::scene_words::{
-    LIGHT_WORDS, SKY_WORDS, add_camera, filter_constants, panel_words, put, put_map,
+    LIGHT_WORDS, PicturePaths, SKY_WORDS, add_picture, filter_constants, panel_words, put, put_map,
 };
 use super::tables::Tables;
 use crate::refusal::Refusal;
@@ -41,13 +41,13 @@ pub fn program_scene(scene: &Arc<FlatScene>) -> Result<ProgramScene<'_>, Refusal
 
     let mut numbers = Numbers::new("scene_numbers");
     let mut tables = Tables::default();
-    numbers.whole("film_width", scene.film_width);
-    numbers.whole("seed_low", scene.seed as u32);
-    numbers.whole("seed_high", (scene.seed >> 32) as u32);
-    numbers.whole("max_bounces", scene.max_bounces);
-    numbers.signed("brightness_exponent", scene.brightness.exponent());
-    numbers.number("brightest_summed", scene.brightness.most());
-    add_camera(&mut numbers, &scene.camera_rays);
+    let paths = PicturePaths {
+        film_width: scene.film_width,
+        seed: scene.seed,
+        max_bounces: scene.max_bounces,
+        brightness: scene.brightness,
+    };
+    add_picture(&mut numbers, &paths, &scene.camera_rays);
     numbers.three_whole("dims", grid.dims());
     numbers.three("voxel_mm", grid.voxel_mm());
     numbers.number("scale_per_mm", medium.scale_per_mm);

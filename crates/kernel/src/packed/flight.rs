@@ -7,21 +7,12 @@ use super::volume_ray::{NOWHERE, UNDER_WAY, VolumeRay};
 use crate::voxels::camera_rays::inverse_of_step;
 use crate::voxels::fibre_tables::area_squared;
 use crate::voxels::voxel_words::{MOST, bound_of_code, reach_of_code};
+use crate::voxels::walk::{BOUND_SLACK, STEPS_PER_ROUND, is_outside, to_border};
 use organza_lanes::math::{LaneRng, V3, beside, minus_ln, positive};
 use organza_lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
 
-/// Reaches are taken to end so much, in voxels, before they do, so that
-/// rounding takes no place beyond them.
-const BORDER: f32 = 1.0 / 1024.0;
-
-/// Steps between two looks at which rays have ended.
-const STEPS_PER_ROUND: usize = 2;
-
 /// One lane in so many may be busy when the rest of a list is left under way.
 const LEFT_SHARE: usize = 4;
-
-/// Room for rounding when the square of an extinction is held against that of its bound.
-const BOUND_SLACK: f32 = 1.0 + 4e-5;
 
 /// Counts of flights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -250,11 +241,7 @@ impl<F: Floats> Lanes<F> {
         // greatest there is.
         let bound: F = bound_of_code(self.voxel.shr::<24>());
         let reach: F = reach_of_code(self.voxel.shr::<20>() & word(0xf));
-        let half = reach - F::splat(0.5 + BORDER);
-        let border = way_out(half, self.at.x, self.per_step.x)
-            .min(way_out(half, self.at.y, self.per_step.y))
-            .min(way_out(half, self.at.z, self.per_step.z))
-            .max(F::splat(0.0));
+        let border = to_border(reach, self.at, self.per_step);
         let depth = minus_ln(positive(u_flight)) * F::splat(1.0 / volume.scale_per_mm);
         let depth_there = bound * border;
         let within = depth.below(depth_there);
@@ -267,13 +254,13 @@ impl<F: Floats> Lanes<F> {
 
         let grid = &volume.cell_grid;
         let size = grid.dims().as_vec3();
-        let mut outside = is_outside(at.z, size.z) | !gone_mm.below(self.end_mm);
+        let mut outside = is_outside(at.z, 0.0, size.z) | !gone_mm.below(self.end_mm);
         let mut period = self.period;
         if grid.repeats() {
             (at.x, period[0]) = in_first_period(at.x, period[0], size.x);
             (at.y, period[1]) = in_first_period(at.y, period[1], size.y);
         } else {
-            outside = outside | is_outside(at.x, size.x) | is_outside(at.y, size.y);
+            outside = outside | is_outside(at.x, 0.0, size.x) | is_outside(at.y, 0.0, size.y);
         }
         let considered = self.flying & !outside;
 
@@ -304,11 +291,11 @@ impl<F: Floats> Lanes<F> {
 
         // The populations there; one of them, if there are several.
         let (mut x, mut y, z) = (axis_at.x.floor(), axis_at.y.floor(), axis_at.z.floor());
-        let mut beside_all = is_outside(z, size.z);
+        let mut beside_all = is_outside(z, 0.0, size.z);
         if grid.repeats() {
             (x, y) = (around(x, size.x), around(y, size.y));
         } else {
-            beside_all = beside_all | is_outside(x, size.x) | is_outside(y, size.y);
+            beside_all = beside_all | is_outside(x, 0.0, size.x) | is_outside(y, 0.0, size.y);
         }
         let cell = volume.index::<F>(x.to_ints(), y.to_ints(), z.to_ints());
         let found = (cell.shl::<1>() + word(1)).gather(&volume.voxels);
@@ -362,19 +349,6 @@ impl<F: Floats> Lanes<F> {
 #[inline(always)]
 fn index<F: Floats>(volume: &FibreVolume, at: V3<F>) -> F::Ints {
     volume.index::<F>(at.x.to_ints(), at.y.to_ints(), at.z.to_ints())
-}
-
-/// From a place to where it leaves the box of `half` an edge around the middle of its
-/// voxel, along one axis.
-#[inline(always)]
-fn way_out<F: Floats>(half: F, at: F, per_step: F) -> F {
-    let beside_middle = at - at.floor() - F::splat(0.5);
-    (-beside_middle).mul_add(per_step, half * per_step.abs())
-}
-
-#[inline(always)]
-fn is_outside<F: Floats>(at: F, size: f32) -> F::Mask {
-    at.below(F::splat(0.0)) | !at.below(F::splat(size))
 }
 
 /// A coordinate within the first period, and the periods that it is on.

@@ -5,7 +5,7 @@ use super::flat_medium::FlatMedium;
 use super::matter_tests::bundles;
 use super::optical_depth_table::Nodes;
 use glam::{UVec2, Vec3};
-use organza_basis::{PathRng, Rgb, warp};
+use organza_basis::{Moments, PathRng, Rgb, warp};
 use organza_lanes::math::{LaneRng, V3, pixel_key};
 use organza_lanes::{Ints, Mask, one};
 use organza_light::ImageEnvironment;
@@ -55,19 +55,14 @@ fn lamps_are_what_the_sky_lacks() {
     let moments = |w: Vec3| [1.0, w.x, w.y, w.z, w.x * w.y, w.z * w.z];
     let n = 400_000;
     let mut rng = PathRng::from_seed(22);
-    let (mut lacking, mut drawn) = ([[0.0f64; 2]; 6], [[0.0f64; 2]; 6]);
-    let add = |sums: &mut [[f64; 2]; 6], w: Vec3, light: f32| {
-        for (sum, m) in sums.iter_mut().zip(moments(w)) {
-            let x = f64::from(m * light);
-            sum[0] += x;
-            sum[1] += x * x;
-        }
-    };
+    let (mut lacking, mut drawn) = ([Moments::default(); 6], [Moments::default(); 6]);
     // Only the green, at random points of the sphere.
     for _ in 0..n {
         let w = warp::uniform_sphere(rng.unit2());
         let light = seen(&sky, w, true).0.y - seen(&sky, w, false).0.y;
-        add(&mut lacking, w, light * 4.0 * std::f32::consts::PI);
+        for (sum, m) in lacking.iter_mut().zip(moments(w)) {
+            sum.add(f64::from(m * light * 4.0 * std::f32::consts::PI));
+        }
     }
     let (a, b) = pixel_key(5, 5);
     for sample in 0..n {
@@ -83,16 +78,13 @@ fn lamps_are_what_the_sky_lacks() {
             let value = moments(w).map(|m| m * found.irradiance.y.0);
             light = std::array::from_fn(|i| light[i] + value[i]);
         }
-        for (sum, x) in drawn.iter_mut().zip(light.map(f64::from)) {
-            sum[0] += x;
-            sum[1] += x * x;
+        for (sum, x) in drawn.iter_mut().zip(light) {
+            sum.add(f64::from(x));
         }
     }
     for (i, (a, b)) in lacking.iter().zip(drawn).enumerate() {
-        let n = f64::from(n);
-        let se = |s: &[f64; 2]| ((s[1] / n - (s[0] / n).powi(2)) / n).sqrt();
-        let error = se(a).hypot(se(&b));
-        let apart = (a[0] - b[0]) / n;
+        let error = a.standard_error().hypot(b.standard_error());
+        let apart = a.mean - b.mean;
         assert!(apart.abs() < 4.0 * error, "moment {i}: {apart} of {error}");
         assert!(error < 0.05, "{error}");
     }

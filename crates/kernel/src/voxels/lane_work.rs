@@ -69,9 +69,7 @@ pub fn regenerate<F: Floats>(
     paths.first_depth.store(&mut first_depth);
 
     let length_mm = 1.0 / scene.medium.scale_per_mm;
-    let mut key = [[0u32; MAX_LANES]; 2];
-    let mut index = [0u32; MAX_LANES];
-    let mut film = [[0.0f32; MAX_LANES]; 2];
+    let mut names = Names::default();
     let mut begun = 0u32;
     for lane in SetBits(ended.bits()) {
         let assignment = &mut work.lanes[lane];
@@ -130,20 +128,35 @@ pub fn regenerate<F: Floats>(
             }
         }
         if let Some(place) = assignment.place {
-            (key[0][lane], key[1][lane]) = place.key;
-            index[lane] = assignment.sample;
-            (film[0][lane], film[1][lane]) = (place.at[0] as f32, place.at[1] as f32);
+            (names.key[0][lane], names.key[1][lane]) = place.key;
+            names.sample[lane] = assignment.sample;
+            let [x, y] = place.at.map(|x| x as f32);
+            (names.at[0][lane], names.at[1][lane]) = (x, y);
             begun |= 1 << lane;
             stats.paths += 1;
         }
     }
     let begun = F::Mask::from_bits(begun);
-    if !begun.any() {
-        return;
+    if begun.any() {
+        begin(scene, paths, &names, begun);
     }
-    let keys = (F::Ints::load(&key[0]), F::Ints::load(&key[1]));
-    let mut rng = LaneRng::new(keys, F::Ints::load(&index));
-    let place = (F::load(&film[0]), F::load(&film[1]));
+}
+
+/// What names the paths of all lanes: keys of pixels, samples, and places in the picture.
+#[derive(Default)]
+struct Names {
+    key: [[u32; MAX_LANES]; 2],
+    sample: [u32; MAX_LANES],
+    at: [[f32; MAX_LANES]; 2],
+}
+
+/// Begins paths in the lanes of a mask.
+#[inline(always)]
+fn begin<F: Floats>(scene: &FlatScene, paths: &mut Paths<F>, names: &Names, begun: F::Mask) {
+    let [low, high] = &names.key;
+    let keys = (F::Ints::load(low), F::Ints::load(high));
+    let mut rng = LaneRng::new(keys, F::Ints::load(&names.sample));
+    let place = (F::load(&names.at[0]), F::load(&names.at[1]));
     let rays = scene.camera_rays.rays::<F>(
         &scene.medium.cell_grid,
         scene.borders,

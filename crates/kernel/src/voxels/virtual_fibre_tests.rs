@@ -243,6 +243,30 @@ fn lanes_draw_what_they_scatter() {
     assert!(twins >= 9, "{twins} of 10 twins rejected");
 }
 
+/// What events of the first fibre of some tables send on in green, met from directions as they
+/// see a population about an axis.
+fn event_weights(
+    tables: &FibreTables,
+    (voxel, axis): (VoxelWords<one::U>, Vec3),
+    seed: u64,
+    count: u32,
+) -> Moments {
+    let mut scalar = PathRng::from_seed(seed);
+    let weight = |i| {
+        let w_out = loop {
+            let w = warp::uniform_sphere(scalar.unit2());
+            if scalar.unit() < w.cross(axis).length() {
+                break w;
+            }
+        };
+        let mut rng = numbers(i);
+        let f = meet(tables, 0, voxel, w_out, &mut rng);
+        let turn = f.sample(tables, &mut rng, true);
+        f64::from(Event::common(&f).y.0 * turn.weight.y.0)
+    };
+    (0..count).map(weight).collect()
+}
+
 /// What an event among parallel fibres sends on, and how unevenly: the reason for
 /// [`MAX_EVEN_BLUR_RAD`].
 #[test]
@@ -250,20 +274,7 @@ fn weights_of_fibres_that_are_taken_are_even() {
     let (narrow, axis, _) = population(Vec3::Z, 1e-3);
     for (blur_deg, is_taken) in [(6.0f32, true), (20.0, true), (34.0, false)] {
         let tables = FibreTables::new([dielectric([0.0; 3], blur_deg, 2.0 * blur_deg)].iter());
-        let mut scalar = PathRng::from_seed(65);
-        let mut weights = Moments::default();
-        for i in 0..20_000 {
-            let w_out = loop {
-                let w = warp::uniform_sphere(scalar.unit2());
-                if scalar.unit() < w.cross(axis).length() {
-                    break w;
-                }
-            };
-            let mut rng = numbers(i);
-            let f = meet(&tables, 0, narrow, w_out, &mut rng);
-            let turn = f.sample(&tables, &mut rng, true);
-            weights.add(f64::from(Event::common(&f).y.0 * turn.weight.y.0));
-        }
+        let weights = event_weights(&tables, (narrow, axis), 65, 20_000);
         let lost = (weights.mean - 1.0).abs();
         // Margin: most of the bound is five standard errors.
         assert!(
@@ -288,20 +299,7 @@ fn events_of_white_fibres_keep_all_light() {
         let fibre = dielectric([0.0; 3], longitudinal_deg, 10.0);
         let tables = FibreTables::new([&fibre].into_iter());
         let (voxel, axis, _) = population(Vec3::Z, spread);
-        let mut scalar = PathRng::from_seed(66);
-        let mut own = Moments::default();
-        for i in 0..400_000 {
-            let w_out = loop {
-                let w = warp::uniform_sphere(scalar.unit2());
-                if scalar.unit() < w.cross(axis).length() {
-                    break w;
-                }
-            };
-            let mut rng = numbers(i);
-            let f = meet(&tables, 0, voxel, w_out, &mut rng);
-            let turn = f.sample(&tables, &mut rng, true);
-            own.add(f64::from(Event::common(&f).y.0 * turn.weight.y.0));
-        }
+        let own = event_weights(&tables, (voxel, axis), 66, 400_000);
         let error = own.standard_error();
         // Margin: most of the bound is 4.5 standard errors.
         assert!(

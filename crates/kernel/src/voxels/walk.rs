@@ -22,11 +22,11 @@ use organza_lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
 const BORDER: f32 = 1.0 / 1024.0;
 
 /// Steps between two looks at which lanes met something or left.
-const STEPS_PER_ROUND: usize = 2;
+pub const STEPS_PER_ROUND: usize = 2;
 
 /// Room for rounding when the square of an extinction is held against that of
 /// its bound.
-const BOUND_SLACK: f32 = 1.0 + 4e-5;
+pub const BOUND_SLACK: f32 = 1.0 + 4e-5;
 
 /// The state of the paths in all lanes. Extinctions are shares of the medium's
 /// greatest, `scale_per_mm`, and lengths in units of one over that.
@@ -146,11 +146,7 @@ fn fly<F: Floats, E: Event<F>>(scene: &FlatScene, paths: &mut Paths<F>, stats: &
     // At the bound to the border of what the voxel reaches, then at the
     // greatest there is.
     let bound = paths.voxel.bound();
-    let half = paths.voxel.reach() - F::splat(0.5 + BORDER);
-    let border = way_out(half, paths.at.x, paths.per_step.x)
-        .min(way_out(half, paths.at.y, paths.per_step.y))
-        .min(way_out(half, paths.at.z, paths.per_step.z))
-        .max(F::splat(0.0));
+    let border = to_border(paths.voxel.reach(), paths.at, paths.per_step);
     let depth = minus_ln(positive(u_flight));
     let depth_there = bound * border;
     let within = depth.below(depth_there);
@@ -221,6 +217,16 @@ fn fly<F: Floats, E: Event<F>>(scene: &FlatScene, paths: &mut Paths<F>, stats: &
     paths.flying = paths.flying & !(met | left);
 }
 
+/// Along the way from a place to where what its voxel reaches ends.
+#[inline(always)]
+pub fn to_border<F: Floats>(reach: F, at: V3<F>, per_step: V3<F>) -> F {
+    let half = reach - F::splat(0.5 + BORDER);
+    way_out(half, at.x, per_step.x)
+        .min(way_out(half, at.y, per_step.y))
+        .min(way_out(half, at.z, per_step.z))
+        .max(F::splat(0.0))
+}
+
 /// From a place to where it leaves the box of `half` an edge around the middle
 /// of its voxel, along one axis.
 #[inline(always)]
@@ -230,7 +236,7 @@ fn way_out<F: Floats>(half: F, at: F, per_step: F) -> F {
 }
 
 #[inline(always)]
-fn is_outside<F: Floats>(at: F, low: f32, high: f32) -> F::Mask {
+pub fn is_outside<F: Floats>(at: F, low: f32, high: f32) -> F::Mask {
     at.below(F::splat(low)) | !at.below(F::splat(high))
 }
 

@@ -18,14 +18,14 @@ use values::{Header, Values};
 pub(crate) const FORMAT: &str = ".vti";
 
 /// An image of VTK.
-pub struct VtiSlices<R> {
+pub struct VtiSlices {
     shape: Shape,
     big_endian: bool,
-    values: Values<R>,
+    values: Values,
     bytes: Vec<u8>,
 }
 
-impl<R: ReadSeek> VtiSlices<R> {
+impl VtiSlices {
     /// Opens a file; `array` names the values to read, if they are not those that the file
     /// marks or its only ones.
     ///
@@ -33,10 +33,10 @@ impl<R: ReadSeek> VtiSlices<R> {
     /// Files that are no such XML, several pieces, arrays of another kind or size, an unknown
     /// array, more memory than the budget.
     pub fn new(
-        mut file: R,
+        mut file: impl ReadSeek + 'static,
         array: Option<&str>,
         budget: &mut Budget,
-    ) -> Result<VtiSlices<R>, ScanError> {
+    ) -> Result<VtiSlices, ScanError> {
         let (bytes, appended) = read_head(&mut file, budget)?;
         let mut head = Head::parse(&bytes, appended)?;
         let index = chosen(&head, array)?;
@@ -92,7 +92,7 @@ impl<R: ReadSeek> VtiSlices<R> {
             }
             Place::Inline(text) => {
                 let decoded = decode_base64(&bytes[text], head.packed, &header, budget)?;
-                Values::memory(Cursor::new(decoded), &header, budget)?
+                Values::bytes(Box::new(Cursor::new(decoded)), 0, &header, budget)?
             }
             Place::Appended(offset) => {
                 let (start, is_base64) = find_appended(&mut file, appended, offset)?;
@@ -104,9 +104,9 @@ impl<R: ReadSeek> VtiSlices<R> {
                     file.seek(SeekFrom::Start(at))?;
                     file.by_ref().read_to_end(&mut text)?;
                     let decoded = decode_base64(&text, head.packed, &header, budget)?;
-                    Values::memory(Cursor::new(decoded), &header, budget)?
+                    Values::bytes(Box::new(Cursor::new(decoded)), 0, &header, budget)?
                 } else {
-                    Values::file(file, start, &header, budget)?
+                    Values::bytes(Box::new(file), start, &header, budget)?
                 }
             }
         };
@@ -119,14 +119,14 @@ impl<R: ReadSeek> VtiSlices<R> {
     }
 }
 
-impl<R: ReadSeek> Slices for VtiSlices<R> {
+impl Slices for VtiSlices {
     fn shape(&self) -> Shape {
         self.shape
     }
 
     fn read(&mut self, slice: u32, out: &mut [f32]) -> Result<(), ScanError> {
         let first = slice as usize * out.len();
-        if let Some(values) = self.values.floats() {
+        if let Values::Floats(values) = &self.values {
             out.copy_from_slice(&values[first..first + out.len()]);
             return Ok(());
         }

@@ -72,41 +72,17 @@ fn fields_of_sections_are_proved() {
 fn sections_are_reciprocal() {
     let mut rng = PathRng::from_seed(71);
     for section in [Section::Bean, Section::Trilobal] {
-        let fibre = of(section, Rgb::splat(0.1));
-        let lobe = fibre.far_field(TANGENT);
-        for _ in 0..500 {
-            let [a, b] = [(); 2].map(|()| warp::uniform_sphere(rng.unit2()));
-            let there = lobe.eval(a, b) * TANGENT.cross(a).length();
-            let back = lobe.eval(b, a) * TANGENT.cross(b).length();
-            let off = (there - back).0.abs().max_element();
-            assert!(
-                off <= 1e-3 * there.max_component() + 1e-6,
-                "seed 71, {section}: {there:?} {back:?}"
-            );
-        }
+        let name = format!("seed 71, {section}");
+        assert_reciprocal(&name, &of(section, Rgb::splat(0.1)), 500, &mut rng);
     }
 }
 
 /// Fibres of any section that absorb nothing lose nothing, seen from any side.
 #[test]
 fn clear_sections_keep_all_light() {
-    let albedo = |fibre: &Fibre, theta_deg: f32| {
-        let (sin, cos) = theta_deg.to_radians().sin_cos();
-        let w_out = TANGENT * sin + TANGENT.any_orthonormal_vector() * cos;
-        let lobe = fibre.far_field(TANGENT);
-        let grid = SphereGrid::new(TANGENT, 60, 24);
-        grid.integrate(|w| f64::from(lobe.eval(w_out, w).0.x))
-    };
     for section in ALL {
         let fibre = of(section, Rgb::BLACK);
-        for theta_deg in [0.0f32, 40.0, 80.0, 89.0] {
-            let admitted = if theta_deg > 85.0 { 1e-2 } else { 1e-3 };
-            let got = albedo(&fibre, theta_deg);
-            assert!(
-                (got - 1.0).abs() < admitted,
-                "{section}, {theta_deg} degrees: {got}"
-            );
-        }
+        assert_clear(&section.to_string(), &fibre, &[0.0, 40.0, 80.0, 89.0]);
     }
     // The twin absorbs a little.
     let dim = albedo(&of(Section::Trilobal, Rgb::splat(0.003)), 0.0);

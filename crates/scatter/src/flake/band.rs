@@ -111,11 +111,6 @@ impl<P: BandProfile> BandFlakes<P> {
     pub fn new(axis: Vec3, profile: P) -> BandFlakes<P> {
         BandFlakes { axis, profile }
     }
-
-    /// The profile.
-    pub fn profile(&self) -> &P {
-        &self.profile
-    }
 }
 
 impl<P: BandProfile> MicroFlake for BandFlakes<P> {

@@ -42,11 +42,6 @@ impl SineBand {
             mean_abs: (2.0 * peak / (p + 2.0)) as f32,
         }
     }
-
-    /// The exponent.
-    pub fn power(&self) -> f32 {
-        self.power
-    }
 }
 
 impl BandProfile for SineBand {

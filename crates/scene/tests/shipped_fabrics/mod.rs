@@ -83,7 +83,7 @@ fn film(scene: &Scene, samples: u64, flat: Option<FlatScene>) -> Film {
     let mut rendering = Rendering::new(scene, settings(samples)).unwrap();
     if let Some(flat) = flat {
         let kernel = VoxelEngine::new(Arc::new(flat), Backend::widest()).unwrap();
-        rendering = rendering.with_engine(kernel);
+        rendering = rendering.with_engine(Box::new(kernel));
     }
     let rendering = rendering.take(samples, &|_| ControlFlow::Continue(()));
     let (film, stats) = rendering.unwrap().into_parts();

@@ -45,18 +45,6 @@ impl<'a> AnySite<'a> {
             AnySite::Plane(s) => s,
         }
     }
-
-    fn as_site_mut(&mut self) -> &mut (dyn Site + 'a) {
-        match self {
-            AnySite::Grid(s) => s,
-            AnySite::FlakeOctree(s) => s,
-            AnySite::VirtualFibres(s) => s,
-            AnySite::ExplicitFibres(s) => s,
-            AnySite::Ply(s) => s,
-            AnySite::Sheet(s) => s,
-            AnySite::Plane(s) => s,
-        }
-    }
 }
 
 impl<'a> Collision<'a> {
@@ -152,7 +140,16 @@ impl<'a> Collision<'a> {
     /// [`Medium::draw_event`](crate::Medium::draw_event).
     pub(crate) fn draw_event(&mut self, w_out: Vec3, rng: &mut PathRng) {
         let w_out = self.own(w_out);
-        self.site.as_site_mut().draw_event(w_out, rng);
+        match &mut self.site {
+            AnySite::Grid(s) => s.draw_event(w_out, rng),
+            AnySite::FlakeOctree(s) => s.draw_event(w_out, rng),
+            AnySite::VirtualFibres(s) => s.draw_event(w_out, rng),
+            // Where these are met leaves nothing open.
+            AnySite::ExplicitFibres(_)
+            | AnySite::Ply(_)
+            | AnySite::Sheet(_)
+            | AnySite::Plane(_) => {}
+        }
     }
 
     /// The yarn of the fibre that is met, where there is one.

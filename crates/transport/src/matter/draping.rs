@@ -8,6 +8,7 @@ use glam::{DVec3, Mat3, Vec3};
 use organza_basis::{CellGrid, Frame, LocalRay, PathRng, Ray};
 use organza_mesh::{DrapedMesh, MeshHit, Shell, ShellSpan};
 use organza_scatter::Surface;
+use std::sync::Arc;
 
 /// A mesh that cloth lies on, with the shell that its thickness fills.
 ///
@@ -17,12 +18,13 @@ use organza_scatter::Surface;
 /// its area; the medium stays reciprocal, and majorants hold.
 pub struct Draping {
     mesh: DrapedMesh,
-    shell: Option<Shell>,
+    shell: Option<Arc<Shell>>,
 }
 
 impl Draping {
     /// A mesh, with a shell where media are to fill it.
     pub fn new(mesh: DrapedMesh, shell: Option<Shell>) -> Draping {
+        let shell = shell.map(Arc::new);
         Draping { mesh, shell }
     }
 
@@ -39,27 +41,9 @@ impl Draping {
         }
     }
 
-    /// Whether there is a shell for media.
-    pub fn has_shell(&self) -> bool {
-        self.shell.is_some()
-    }
-
     /// The shell for media, if there is one.
-    pub(crate) fn shell(&self) -> Option<&Shell> {
+    pub(crate) fn shell(&self) -> Option<&Arc<Shell>> {
         self.shell.as_ref()
-    }
-
-    /// The whole parts of a ray in the shell that begin before `limit_mm`; see
-    /// [`Shell::visit_whole_spans`].
-    pub(crate) fn visit_whole_spans(
-        &self,
-        ray: (DVec3, DVec3),
-        limit_mm: f64,
-        visit: &mut dyn FnMut(&ShellSpan) -> f64,
-    ) {
-        if let Some(shell) = &self.shell {
-            shell.visit_whole_spans(ray, limit_mm, visit);
-        }
     }
 
     /// Distance along a ray to mesh or shell.

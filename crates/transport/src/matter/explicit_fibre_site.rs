@@ -6,7 +6,7 @@ use crate::matter::site::Site;
 use crate::{ExplicitFibres, FibreHit, SiteInfo, Stats};
 use glam::{Vec2, Vec3};
 use organza_basis::{CellGrid, PathRng, Rgb};
-use organza_scatter::LobeSample;
+use organza_scatter::{Lobe, LobeSample};
 
 /// Where a fibre is hit.
 pub(crate) struct ExplicitFibreSite<'a> {
@@ -67,19 +67,19 @@ impl RayTarget for ExplicitFibres {
 
 impl Site for ExplicitFibreSite<'_> {
     fn eval(&self, w_out: Vec3, w_in: Vec3) -> Rgb {
-        self.fibres.eval(&self.hit, w_out, w_in)
+        self.fibres.near(&self.hit).eval(w_out, w_in)
     }
 
     fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
-        self.fibres.sample(&self.hit, w_out, rng)
+        self.fibres.near(&self.hit).sample(w_out, rng)
     }
 
     fn pdf(&self, w_out: Vec3, w_in: Vec3) -> f32 {
-        self.fibres.pdf(&self.hit, w_out, w_in)
+        self.fibres.near(&self.hit).pdf(w_out, w_in)
     }
 
-    fn exit_mm(&self, w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
-        self.fibres.exit_mm(&self.hit, w_out, w_in, rng)
+    fn exit_mm(&self, _w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
+        self.fibres.exit_mm(&self.hit, w_in, rng)
     }
 
     fn info(&self) -> Option<SiteInfo> {

@@ -28,7 +28,8 @@ use curves::{Curves, count_joints};
 pub use fibre_hit::FibreHit;
 use glam::{DVec3, UVec3, Vec3};
 use organza_basis::{CellGrid, Ray, SegmentSource, Stopped, Watch};
-use organza_kernel::fibres::{Drape, FibreBody, FibreEntry, FibreMatter, Joint, Strand, Unfit};
+use organza_kernel::fibres::{FibreBody, FibreEntry, FibreMatter, Joint, Strand, Unfit};
+use organza_mesh::Shell;
 use organza_scatter::Fibre;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -220,14 +221,14 @@ impl ExplicitFibres {
         })
     }
 
-    /// The fibres as the kernel takes them, flat or over what they are laid over.
-    pub fn body(&self, drape: Option<Arc<dyn Drape>>) -> FibreBody<'_> {
+    /// The fibres as the kernel takes them, flat or in a shell.
+    pub fn body(&self, shell: Option<Arc<Shell>>) -> FibreBody<'_> {
         FibreBody {
             strands: self.curves.strands(),
             origin_mm: self.origin_mm,
             reach: &self.cell_grid,
             fibres: &self.fibres,
-            drape,
+            shell,
         }
     }
 
@@ -291,7 +292,7 @@ pub(crate) struct Found {
 }
 
 /// An entry as plies take it.
-pub(crate) struct Entry {
+pub(crate) struct PlyEntry {
     /// Unit tangent of the curve.
     pub tangent: Vec3,
     /// From its axis to the point, across the tangent, mm.
@@ -320,13 +321,13 @@ impl Found {
     }
 
     /// What was entered, and where.
-    pub fn entry(&self, fibres: &ExplicitFibres) -> Entry {
+    pub fn entry(&self, fibres: &ExplicitFibres) -> PlyEntry {
         let (tangent, out) = (self.entry.tangent, self.entry.out_mm);
         let radius_mm = out.length();
         // Across the tangent, which at a bend is not that of the cylinder.
         let across = out - tangent * tangent.dot(out);
         let strand = fibres.curves.curve_of(self.entry.piece);
-        Entry {
+        PlyEntry {
             tangent,
             out_mm: radius_mm * across.normalize_or(tangent.any_orthonormal_vector()),
             radius_mm,

@@ -12,6 +12,7 @@ use crate::matter::sheet::SheetSite;
 use glam::{DVec3, UVec3, Vec2, Vec3};
 use organza_basis::CellGrid;
 use organza_basis::{Aabb, Frame, PathRng, Ray};
+use organza_mesh::Shell;
 use organza_scatter::Surface;
 use std::sync::Arc;
 
@@ -25,7 +26,7 @@ pub struct LevelledCloth {
     /// The box of one period, of which the sheet is the middle, or the box
     /// around a draping.
     cell_grid: CellGrid,
-    draping: Option<Arc<Draping>>,
+    draping: Option<Draping>,
 }
 
 impl LevelledCloth {
@@ -68,10 +69,10 @@ impl LevelledCloth {
         let bounds = bounds.grown(1e-4 * bounds.size().length() + rounding_mm);
         let cell_grid = CellGrid::new(bounds, UVec3::ONE, false)?;
         let good = volumes.iter().all(|v| v.target().can_be_draped())
-            && (volumes.is_empty() || draping.has_shell());
+            && (volumes.is_empty() || draping.shell().is_some());
         let flat = LevelledCloth::new(volumes, sheet, steps, cell_grid)?;
         good.then_some(LevelledCloth {
-            draping: Some(Arc::new(draping)),
+            draping: Some(draping),
             ..flat
         })
     }
@@ -81,11 +82,11 @@ impl LevelledCloth {
         self.steps.count()
     }
 
-    /// The volume that is the representation of this number, and what it lies over; `None` of
-    /// the sheet.
-    pub(crate) fn part(&self, level: usize) -> Option<(&AnyMedium, Option<&Arc<Draping>>)> {
+    /// The volume that is the representation of this number, and the shell that it fills;
+    /// `None` of the sheet.
+    pub(crate) fn part(&self, level: usize) -> Option<(&AnyMedium, Option<&Arc<Shell>>)> {
         let volume = self.volumes.get(level)?;
-        Some((volume, self.draping.as_ref()))
+        Some((volume, self.draping.as_ref().and_then(Draping::shell)))
     }
 
     /// The number of the representation that a path meets.
@@ -164,15 +165,10 @@ impl RayTarget for LevelledCloth {
         stats: &mut Stats,
     ) -> Option<Collision<'_>> {
         if let Some(volume) = self.volume(query.tracking.detail) {
-            let over = self.draping.as_deref();
+            let over = self.draping.as_ref();
             return volume.target().collide(Query { over, ..query }, rng, stats);
         }
-        let Query {
-            ray,
-            reach_mm: limit,
-            tracking,
-            ..
-        } = query;
+        let (ray, limit, tracking) = (query.ray, query.reach_mm, query.tracking);
         let sheet = self.sheet.as_deref()?;
         if let Some(draping) = &self.draping {
             return draping.collide_sheet(sheet, ray, limit, tracking, rng, stats);
@@ -202,15 +198,10 @@ impl RayTarget for LevelledCloth {
 
     fn pass(&self, query: Query<'_>, rng: &mut PathRng, stats: &mut Stats) -> f32 {
         if let Some(volume) = self.volume(query.tracking.detail) {
-            let over = self.draping.as_deref();
+            let over = self.draping.as_ref();
             return volume.target().pass(Query { over, ..query }, rng, stats);
         }
-        let Query {
-            ray,
-            reach_mm: reach,
-            tracking,
-            ..
-        } = query;
+        let (ray, reach, tracking) = (query.ray, query.reach_mm, query.tracking);
         match (&self.sheet, &self.draping, self.sheet_distance_mm(ray)) {
             (Some(sheet), Some(draping), _) => {
                 draping.pass_sheet(sheet.as_ref(), ray, reach, tracking, stats)

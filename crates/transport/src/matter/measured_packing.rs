@@ -27,6 +27,7 @@ use crate::matter::virtual_fibre_medium::{VirtualFibreEvent, VirtualFibreMedium}
 use glam::Vec3;
 use organza_basis::{CellGrid, PathRng, Ray, Rgb, Stopped, Watch, warp};
 use organza_kernel::roulette::survivor;
+use organza_scatter::Lobe;
 use organza_volume::{MaterialPacking, MeasuredPacking, Octree, PackingFactor};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
@@ -174,14 +175,14 @@ fn walk(fibres: &ExplicitFibres, on_face: bool, rng: &mut PathRng) -> Vec<Flight
             break;
         };
         let w_out = -ray.direction;
-        let Some(scatter) = fibres.sample(&hit, w_out, rng) else {
+        let Some(scatter) = fibres.near(&hit).sample(w_out, rng) else {
             break;
         };
         let Some(carried) = survivor(throughput * scatter.weight, rng) else {
             break;
         };
         throughput = carried;
-        let exit_mm = fibres.exit_mm(&hit, w_out, scatter.w_in, rng);
+        let exit_mm = fibres.exit_mm(&hit, scatter.w_in, rng);
         let start = ray.at(distance_mm) + exit_mm.as_dvec3();
         ray = Ray::new(start, scatter.w_in).leaving(Some(yarn_of(&hit)));
     }

@@ -42,7 +42,6 @@ pub use measured_packing::{PackingStudy, measure_packing};
 pub use medium::Medium;
 pub use octree_medium::{OctreeLevel, OctreeMedium, Scatterer};
 pub use packing::PackingFactors;
-pub use plane::Plane;
 pub use plies::{Plies, PliesError};
 pub use tracking::{
     Integrator, exact_transmittance, sample_collision, sample_collision_exactly,

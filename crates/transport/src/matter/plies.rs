@@ -13,7 +13,7 @@
 mod tests;
 
 use super::explicit_fibre_site::ExplicitFibreSite;
-use super::explicit_fibres::{Entry, Found};
+use super::explicit_fibres::{Found, PlyEntry};
 use crate::matter::collision::{AnySite, Collision};
 use crate::matter::draping::Draping;
 use crate::matter::ray_target::{Query, RayTarget};
@@ -97,7 +97,7 @@ impl Plies {
         self.curves.memory_bytes() + tables.sum::<u64>()
     }
 
-    fn of(&self, entry: &Entry) -> Option<(&Ply, PlyPlace)> {
+    fn of(&self, entry: &PlyEntry) -> Option<(&Ply, PlyPlace)> {
         let ply = self.plies.get(usize::from(entry.material))?.as_ref()?;
         let place = PlyPlace {
             axis: entry.tangent,
@@ -146,7 +146,7 @@ struct Meeting {
     /// Along the ray, mm.
     distance_mm: f64,
     found: Found,
-    entry: Entry,
+    entry: PlyEntry,
     /// The directions of the ray through the places of the cloth, and of its light.
     along: Vec3,
     light: Vec3,
@@ -189,12 +189,7 @@ impl RayTarget for Plies {
         rng: &mut PathRng,
         stats: &mut Stats,
     ) -> Option<Collision<'_>> {
-        let Query {
-            ray,
-            reach_mm: limit,
-            over,
-            ..
-        } = query;
+        let (ray, limit, over) = (query.ray, query.reach_mm, query.over);
         let mut gone = 0.0f64;
         for _ in 0..MAX_PASSED {
             let from = Ray::new(ray.at(gone), ray.direction);
@@ -237,12 +232,7 @@ impl RayTarget for Plies {
     }
 
     fn pass(&self, query: Query<'_>, _rng: &mut PathRng, stats: &mut Stats) -> f32 {
-        let Query {
-            ray,
-            reach_mm: reach,
-            over,
-            ..
-        } = query;
+        let (ray, reach, over) = (query.ray, query.reach_mm, query.over);
         let (mut gone, mut left) = (0.0f64, 1.0);
         for _ in 0..MAX_PASSED {
             let from = Ray::new(ray.at(gone), ray.direction);

@@ -31,9 +31,6 @@ pub(crate) trait Site {
         self.info()?.yarn
     }
 
-    /// Draws which part of the place the light meets, where that is left open.
-    fn draw_event(&mut self, _w_out: Vec3, _rng: &mut PathRng) {}
-
     /// Radiance that the matter itself sends along `w_out`.
     fn emitted(&self, _w_out: Vec3) -> Rgb {
         Rgb::BLACK
@@ -50,6 +47,13 @@ pub(crate) trait Site {
 pub(crate) struct MediumSite<'a, M: Medium> {
     pub medium: &'a M,
     pub site: M::Site,
+}
+
+impl<M: Medium> MediumSite<'_, M> {
+    /// Draws which part of the place the light meets, where that is left open.
+    pub fn draw_event(&mut self, w_out: Vec3, rng: &mut PathRng) {
+        self.site = self.medium.draw_event(self.site, w_out, rng);
+    }
 }
 
 impl<M: Medium> Site for MediumSite<'_, M> {
@@ -75,10 +79,6 @@ impl<M: Medium> Site for MediumSite<'_, M> {
 
     fn yarn(&self) -> Option<u32> {
         self.medium.yarn(&self.site)
-    }
-
-    fn draw_event(&mut self, w_out: Vec3, rng: &mut PathRng) {
-        self.site = self.medium.draw_event(self.site, w_out, rng);
     }
 
     fn local_visibility(&self, at_mm: Vec3, w_out: Vec3, w_in: Vec3) -> Option<(f32, f32)> {

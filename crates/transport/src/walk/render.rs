@@ -127,8 +127,8 @@ impl<'a> Rendering<'a> {
 
     /// Has the paths walked by an engine of the kernel, made from the same scene and
     /// settings, instead of by the general walk. Samples are other ones then.
-    pub fn with_engine(mut self, engine: impl Engine + 'a) -> Self {
-        self.engine = Some(Box::new(engine));
+    pub fn with_engine(mut self, engine: Box<dyn Engine + 'a>) -> Self {
+        self.engine = Some(engine);
         self
     }
 

@@ -6,16 +6,16 @@
 mod errors;
 mod yarn;
 
+use crate::scenes::{direction, orthographic, sun};
 use errors::{Errors, NAMES, Shares};
-use glam::{DVec3, UVec2, Vec3};
+use glam::{DVec3, Vec3};
 use organza_basis::curve::SegmentList;
-use organza_basis::{Moments, PathRng, Rgb, unwatched, warp};
-use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
-use organza_testing::{is_full, sized};
+use organza_basis::{Moments, PathRng, Rgb, unwatched};
+use organza_scatter::Fibre;
+use organza_testing::{dielectric_fibre, is_full, sized};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, DirectionalLight, ExplicitFibres, Integrator, Light,
-    LocalVisibility, PixelFilter, Projection, Scene, Stats, VirtualFibreEvent, VirtualFibreMedium,
-    trace_from,
+    AnyMedium, ExplicitFibres, Integrator, LocalVisibility, Scene, Stats, VirtualFibreEvent,
+    VirtualFibreMedium, trace_from,
 };
 use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
 use rayon::prelude::*;
@@ -23,13 +23,7 @@ use yarn::{RADIUS_MM, STRAIGHT, Yarn};
 
 fn fibre() -> Fibre {
     // Albedos of about 0.98, 0.9 and 0.5.
-    let parameters = DielectricParameters {
-        ior: 1.55,
-        absorption_radii: Rgb::new(0.012, 0.06, 0.5),
-        longitudinal_rad: 0.0873,
-        azimuthal_rad: 0.1745,
-    };
-    Fibre::from(DielectricFibre::new(parameters).unwrap())
+    dielectric_fibre(Rgb::new(0.012, 0.06, 0.5), 0.0873, 0.1745)
 }
 
 fn explicit(source: &SegmentList, fibre: &Fibre) -> ExplicitFibres {
@@ -63,16 +57,10 @@ fn add(sums: &mut Shares, one: &Shares) {
 
 /// A scene of one medium for paths that start elsewhere than at its camera.
 fn unlit(medium: AnyMedium) -> Scene {
-    let pose = CameraPose {
-        origin_mm: DVec3::Z,
-        target_mm: DVec3::ZERO,
-        up: DVec3::Y,
-    };
-    let projection = Projection::Orthographic { width_mm: 1.0 };
     Scene {
         media: vec![medium],
         lights: Vec::new(),
-        camera: Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box).unwrap(),
+        camera: orthographic(DVec3::Z, DVec3::ZERO, 1.0, 1),
     }
 }
 
@@ -131,7 +119,7 @@ fn run(case: &Case, realisations: u64, paths: u64) -> Vec<(String, Errors)> {
     }
     let mut errors: Vec<Errors> = models.iter().map(|_| Errors::default()).collect();
     for (k, &(theta, phi)) in case.views.iter().enumerate() {
-        let view = warp::direction_from_angles(theta.to_radians(), phi.to_radians());
+        let view = direction(theta, phi);
         let mut truth = Shares::default();
         let mut got: Vec<Shares> = models.iter().map(|_| Shares::default()).collect();
         for r in 0..realisations {
@@ -212,10 +200,19 @@ fn packed_fibres_are_the_yarn_they_stand_for() {
             );
         }
     };
-    let twisted = Yarn {
-        twist_deg: 25.0,
+    let packing = |packing| Yarn {
+        packing,
         ..STRAIGHT
     };
+    let twist = |twist_deg| Yarn {
+        twist_deg,
+        ..STRAIGHT
+    };
+    let wander = |wander_deg| Yarn {
+        wander_deg,
+        ..STRAIGHT
+    };
+    let twisted = twist(25.0);
     if !is_full() {
         let small = Case {
             views: &ACROSS[..2],
@@ -233,42 +230,14 @@ fn packed_fibres_are_the_yarn_they_stand_for() {
             views: &[(60.0, 0.0), (75.0, 0.0), (60.0, 45.0), (75.0, 90.0)],
             ..case("straight, inclined", STRAIGHT, [1.0, 15.7])
         },
-        case(
-            "packing 0.2",
-            Yarn {
-                packing: 0.2,
-                ..STRAIGHT
-            },
-            [5.1, 3.5],
-        ),
-        case(
-            "packing 0.5",
-            Yarn {
-                packing: 0.5,
-                ..STRAIGHT
-            },
-            [2.1, 10.9],
-        ),
-        case(
-            "twist 15",
-            Yarn {
-                twist_deg: 15.0,
-                ..STRAIGHT
-            },
-            [1.8, 8.8],
-        ),
+        case("packing 0.2", packing(0.2), [5.1, 3.5]),
+        case("packing 0.5", packing(0.5), [2.1, 10.9]),
+        case("twist 15", twist(15.0), [1.8, 8.8]),
         Case {
             voxels: &[2.0, 4.0],
             ..case("twist 25", twisted, [1.2, 8.3])
         },
-        case(
-            "twist 45",
-            Yarn {
-                twist_deg: 45.0,
-                ..STRAIGHT
-            },
-            [1.3, 2.3],
-        ),
+        case("twist 45", twist(45.0), [1.3, 2.3]),
         case(
             "two plies 25",
             Yarn {
@@ -277,22 +246,8 @@ fn packed_fibres_are_the_yarn_they_stand_for() {
             },
             [3.7, 7.6],
         ),
-        case(
-            "wander 5",
-            Yarn {
-                wander_deg: 5.0,
-                ..STRAIGHT
-            },
-            [4.0, 4.5],
-        ),
-        case(
-            "wander 15",
-            Yarn {
-                wander_deg: 15.0,
-                ..STRAIGHT
-            },
-            [9.2, 11.7],
-        ),
+        case("wander 5", wander(5.0), [4.0, 4.5]),
+        case("wander 15", wander(15.0), [9.2, 11.7]),
     ];
     for case in &cases {
         check(case, &run(case, 4, 16_000), 0.8);
@@ -303,10 +258,7 @@ fn packed_fibres_are_the_yarn_they_stand_for() {
 fn lit(medium: AnyMedium, view: Vec3, light: Vec3, paths: u64, seed: u64) -> Moments {
     let box_mm = medium.cell_grid().unwrap().bounds_mm();
     let scene = unlit(medium);
-    let lights = [Light::from(DirectionalLight {
-        direction: -light,
-        irradiance: Rgb::WHITE,
-    })];
+    let lights = [sun(-light, 1.0)];
     let block = |b: u64| {
         let mut stats = Stats::default();
         let one = |i| {
@@ -314,15 +266,8 @@ fn lit(medium: AnyMedium, view: Vec3, light: Vec3, paths: u64, seed: u64) -> Mom
             let at = Vec3::new(rng.unit(), rng.unit(), 1.0) * box_mm.size() + box_mm.min;
             let ray = (at.as_dvec3(), -view.as_dvec3());
             let tracker = Integrator::Woodcock;
-            let path = trace_from(
-                &scene,
-                &lights,
-                ray,
-                tracker,
-                u32::MAX,
-                &mut rng,
-                &mut stats,
-            );
+            let most = u32::MAX;
+            let path = trace_from(&scene, &lights, ray, tracker, most, &mut rng, &mut stats);
             f64::from(path.radiance.0.y)
         };
         (0..paths / 16).map(one).collect::<Moments>()
@@ -342,23 +287,15 @@ fn local_visibility_against_fibres() {
         twist_deg: 25.0,
         ..STRAIGHT
     };
-    let parameters = DielectricParameters {
-        ior: 1.55,
-        absorption_radii: Rgb::new(0.06, 0.06, 0.06),
-        longitudinal_rad: 0.25,
-        azimuthal_rad: 0.4,
-    };
-    let fibre = Fibre::from(DielectricFibre::new(parameters).unwrap());
+    let fibre = dielectric_fibre(Rgb::splat(0.06), 0.25, 0.4);
     let (voxel_radii, paths) = (2.0, sized(4_000, 120_000));
     let source = yarn.segments(300);
-    let angle =
-        |theta: f32, phi: f32| warp::direction_from_angles(theta.to_radians(), phi.to_radians());
     let mut changed = 0.0f64;
     for (view, light) in [
-        (angle(30.0, 90.0), angle(32.0, 88.0)),
-        (angle(30.0, 90.0), angle(30.0, 270.0)),
-        (angle(10.0, 0.0), angle(60.0, 90.0)),
-        (angle(20.0, 45.0), angle(150.0, 60.0)),
+        (direction(30.0, 90.0), direction(32.0, 88.0)),
+        (direction(30.0, 90.0), direction(30.0, 270.0)),
+        (direction(10.0, 0.0), direction(60.0, 90.0)),
+        (direction(20.0, 45.0), direction(150.0, 60.0)),
     ]
     .into_iter()
     .take(sized(1, 4))

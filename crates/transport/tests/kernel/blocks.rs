@@ -6,7 +6,7 @@ use crate::kernel::virtual_fibres::silk_and_cotton;
 use organza_basis::unwatched;
 use organza_testing::twisted_weave;
 use organza_volume::voxelize::VoxelizePlan;
-use organza_volume::{BlockCut, BlockLayout, Octree, Parts};
+use organza_volume::{BlockCut, BlockLayout, FibreFootprint, Octree, Parts, VoxelizeOptions};
 
 /// Crossings of the exemplar each way.
 const PARTS: u32 = 3;
@@ -61,7 +61,7 @@ fn cut(mut medium: AnyMedium) -> AnyMedium {
 }
 
 fn scenes() -> Vec<(&'static str, Scene)> {
-    let wide = Projection::Orthographic { width_mm: 0.7 };
+    let wide = wide(0.7);
     vec![
         ("endless", scene(flakes(false), parallel(), wide)),
         ("sky", scene(flakes(false), sky(), lens())),
@@ -73,18 +73,14 @@ fn scenes() -> Vec<(&'static str, Scene)> {
 #[test]
 fn the_kernel_agrees_with_the_general_walk_on_blocks() {
     let settings = settings(0..samples(), 200);
-    let turned = Projection::Orthographic { width_mm: 0.7 };
-    let turned = scene(flakes(true), parallel(), turned);
-    let (other, _) = film(&turned, &settings, None);
+    let turned = scene(flakes(true), parallel(), wide(0.7));
+    let (other, _) = walked(&turned, &settings);
     for (name, scene) in scenes() {
-        let widest = kernel(&scene, &settings, Backend::widest());
-        let (a, stats) = film(&scene, &settings, Some(widest));
-        let (b, walked) = film(&scene, &settings, None);
+        let (a, stats) = by_kernel(&scene, &settings);
+        let (b, of_walk) = walked(&scene, &settings);
         assert_eq!(stats.rejected + stats.majorant_violations, 0, "{name}");
-        assert_eq!(walked.majorant_violations, 0, "{name}");
-        let (spread, mean) = agree(&a, &b);
-        assert!(spread.p_value > 1e-4, "{name}, seed 9: pixels {spread:?}");
-        assert!(mean.p_value > 1e-4, "{name}, seed 9: mean {mean:?}");
+        assert_eq!(of_walk.majorant_violations, 0, "{name}");
+        assert_agree(name, &a, &b);
         if name == "endless" {
             // The same blocks in another order are another cloth.
             let (spread, _) = agree(&a, &other);
@@ -95,18 +91,8 @@ fn the_kernel_agrees_with_the_general_walk_on_blocks() {
 
 #[test]
 fn back_ends_walk_blocks_alike() {
-    let settings = settings(0..6, 40);
     for (name, scene) in scenes() {
-        let scalar = kernel(&scene, &settings, Backend::Scalar);
-        let (first, stats) = film(&scene, &settings, Some(scalar));
-        for backend in vector_backends() {
-            let (other, counts) = film(&scene, &settings, Some(kernel(&scene, &settings, backend)));
-            assert_eq!(
-                (other, counts),
-                (first.clone(), stats),
-                "{name}, {backend:?}"
-            );
-        }
+        assert_back_ends_alike(name, &scene);
     }
 }
 
@@ -117,19 +103,10 @@ fn plain_fibres_live_in_blocks() {
     let medium = |event| VirtualFibreMedium::new(octree(false), 0, fibres(), event);
     assert!(medium(VirtualFibreEvent::Packed).is_none());
     let plain = AnyMedium::VirtualFibres(medium(VirtualFibreEvent::Plain).unwrap());
-    let wide = Projection::Orthographic { width_mm: 0.7 };
-    let scene = scene(plain, parallel(), wide);
+    let scene = scene(plain, parallel(), wide(0.7));
     let settings = settings(0..samples(), 40);
-    let (a, stats) = film(
-        &scene,
-        &settings,
-        Some(kernel(&scene, &settings, Backend::widest())),
-    );
-    let (b, _) = film(&scene, &settings, None);
+    let (a, stats) = by_kernel(&scene, &settings);
+    let (b, _) = walked(&scene, &settings);
     assert_eq!(stats.rejected + stats.majorant_violations, 0);
-    let (spread, mean) = agree(&a, &b);
-    assert!(
-        spread.p_value > 1e-4 && mean.p_value > 1e-4,
-        "seed 9: {spread:?} {mean:?}"
-    );
+    assert_agree("fibres in blocks", &a, &b);
 }

@@ -2,42 +2,36 @@
 
 use crate::kernel::explicit_fibres::{cut, fibres_of};
 use crate::kernel::packed_fibres::{hybrid, packed};
-use crate::kernel::several_cloths;
 use crate::kernel::virtual_fibres::silk_and_cotton;
-use crate::kernel::{cloth, grid, lens, panels, parallel, record, scene, settings, sky};
+use crate::kernel::{
+    cloth, grid, lens, panels, parallel, record, scene, settings, several_cloths, sky, wide,
+};
 use organza_basis::hypothesis::z_test;
 use organza_testing::sized;
 use organza_transport::*;
 use std::ops::ControlFlow;
 
-/// Pictures of a scene and of its direct light; by the general walk without an engine.
-fn films(scene: &Scene, settings: &RenderSettings, by: Option<Backend>) -> (Film, Film) {
-    cached_films(scene, settings, by, false)
-}
-
-/// The same, with a cache that ends paths at the second fibre.
-fn cached_films(
-    scene: &Scene,
+/// By the general walk without an engine.
+fn rendering<'a>(
+    scene: &'a Scene,
     settings: &RenderSettings,
     by: Option<Backend>,
-    is_cached: bool,
-) -> (Film, Film) {
+) -> Rendering<'a> {
     let rendering = Rendering::new(scene, settings.clone()).unwrap();
-    let rendering = match by {
-        Some(by) => {
-            let named = EngineChoice::Named(record(by));
-            rendering.with_engine(engine(scene, settings, named, u64::MAX).unwrap())
-        }
-        None => rendering,
+    let Some(by) = by else {
+        return rendering;
     };
+    let named = EngineChoice::Named(record(by));
+    rendering.with_engine(engine(scene, settings, named, u64::MAX).unwrap())
+}
+
+/// Pictures of a scene and of its direct light.
+fn films(scene: &Scene, settings: &RenderSettings, by: Option<Backend>) -> (Film, Film) {
+    of_both(rendering(scene, settings, by), settings)
+}
+
+fn of_both(rendering: Rendering<'_>, settings: &RenderSettings) -> (Film, Film) {
     let all = settings.samples.end;
-    let plan = CachePlan::of_picture(CacheMode::SecondFibre, 1, sized(0.01, 0.5));
-    let rendering = match is_cached {
-        true => rendering
-            .with_cache(&plan, &|_| ControlFlow::Continue(()))
-            .unwrap(),
-        false => rendering,
-    };
     let rendering = rendering.with_direct();
     let rendering = rendering.take(all, &|_| ControlFlow::Continue(())).unwrap();
     let direct = rendering.direct().unwrap().clone();
@@ -45,7 +39,7 @@ fn cached_films(
 }
 
 fn scenes() -> Vec<(&'static str, Scene)> {
-    let flat = Projection::Orthographic { width_mm: 0.4 };
+    let flat = wide(0.4);
     let fibres = |repeats| fibres_of(repeats, silk_and_cotton());
     let packed = AnyMedium::VirtualFibres(packed(true, silk_and_cotton()));
     let mut all = vec![
@@ -65,6 +59,12 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     all
 }
 
+/// How probable means so far apart are in pictures of the same light.
+fn p_of_means(a: &Film, b: &Film) -> f64 {
+    let (m, n) = (a.mean()[1], b.mean()[1]);
+    z_test(m.0, n.0, m.1.hypot(n.1)).p_value
+}
+
 /// Direct light is what paths of one event find. Paths that are not divided find it by the same
 /// random numbers, so that the sums are the same.
 #[test]
@@ -81,17 +81,10 @@ fn direct_light_is_that_of_one_event() {
             if means(&direct) != means(&of_one) {
                 others.push((name, by.is_some()));
             }
-            let held = |film: &Film| {
-                let (m, n) = (film.mean()[1], of_one.mean()[1]);
-                z_test(m.0, n.0, m.1.hypot(n.1)).p_value
-            };
-            assert!(
-                held(&direct) > 1e-4,
-                "{name}, {by:?}, seed 9: {}",
-                held(&direct)
-            );
+            let p = p_of_means(&direct, &of_one);
+            assert!(p > 1e-4, "{name}, {by:?}, seed 9: {p}");
             // The twin: light of all events.
-            twins += usize::from(held(&all) < 1e-4);
+            twins += usize::from(p_of_means(&all, &of_one) < 1e-4);
         }
     }
     // There the kernel divides paths at the first event, and each part may find a panel.
@@ -101,10 +94,13 @@ fn direct_light_is_that_of_one_event() {
     for (name, scene) in scenes() {
         let by = Some(Backend::widest());
         let whole = settings(0..sized(256, 16_384), u32::MAX);
-        let (_, direct) = cached_films(&scene, &whole, by, true);
+        // It ends paths at the second fibre.
+        let plan = CachePlan::of_picture(CacheMode::SecondFibre, 1, sized(0.01, 0.5));
+        let cached =
+            rendering(&scene, &whole, by).with_cache(&plan, &|_| ControlFlow::Continue(()));
+        let (_, direct) = of_both(cached.unwrap(), &whole);
         let (of_one, _) = films(&scene, &settings(whole.samples.clone(), 1), by);
-        let (m, n) = (direct.mean()[1], of_one.mean()[1]);
-        let p = z_test(m.0, n.0, m.1.hypot(n.1)).p_value;
+        let p = p_of_means(&direct, &of_one);
         assert!(p > 1e-4, "{name}, cached, seed 9: {p}");
     }
     assert!(twins > 8, "{twins} twins are rejected");
@@ -113,14 +109,11 @@ fn direct_light_is_that_of_one_event() {
 /// Portions, threads and back ends give the same film, and the picture beside it is that of
 /// a render without it.
 #[test]
-fn films_of_direct_light_are_the_same_on_all_ways() {
+fn films_of_direct_light_are_the_same_however_they_are_made() {
     for (name, scene) in scenes() {
         let settings = settings(0..24, 40);
         let (all, direct) = films(&scene, &settings, Some(Backend::Scalar));
-        let named = EngineChoice::Named(record(Backend::widest()));
-        let walks = engine(&scene, &settings, named, u64::MAX).unwrap();
-        let rendering = Rendering::new(&scene, settings.clone()).unwrap();
-        let mut rendering = rendering.with_engine(walks).with_direct();
+        let mut rendering = rendering(&scene, &settings, Some(Backend::widest())).with_direct();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         let rendering = pool.unwrap().install(|| {
             while rendering.left() > 0 {

@@ -1,41 +1,31 @@
 //! Light that is neither gained nor lost, whatever the matter: the kernel and the walk
 //! against closed forms.
 
-use crate::kernel::{film, flat_scene, settings, walker};
-use glam::{DVec3, UVec2, UVec3, Vec3};
+use crate::kernel::{film, flat_scene, settings, walked, walker};
+use crate::scenes::{octree, orthographic, white_sky};
+use glam::{DVec3, UVec3, Vec3};
 use organza_basis::curve::{Segment, SegmentList, Tile};
-use organza_basis::{Aabb, PathRng, Rgb, Sym3, unwatched};
+use organza_basis::{Aabb, PathRng, Rgb, Sym3};
 use organza_kernel::proofs::Fault;
 use organza_kernel::{Refusal, Unsuited};
-use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
-use organza_testing::sized;
+use organza_testing::{dielectric_fibre, sized};
 use organza_transport::*;
-use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
 
-/// Two cells of 1 mm side by side, the first thin and the second dense, absorbing,
+/// Two cells of 1 mm side by side of an albedo, the first thin and the second dense,
 /// seen through the first.
-fn beside_dense(thin: f32, dense: f32, interpolation: Interpolation) -> Scene {
+fn beside_dense(thin: f32, dense: f32, albedo: f32, interpolation: Interpolation) -> Scene {
     let grid = GridMedium::new(
         Aabb::new(Vec3::ZERO, Vec3::new(2.0, 1.0, 1.0)),
         false,
         interpolation,
         Grid::new(UVec3::new(2, 1, 1), vec![[thin], [dense]]).unwrap(),
         Grid::constant(Sym3::IDENTITY.to_array()),
-        Grid::constant([0.0; 3]),
+        Grid::constant([albedo; 3]),
     );
-    let pose = CameraPose {
-        origin_mm: DVec3::new(0.5, 0.5, 5.0),
-        target_mm: DVec3::new(0.5, 0.5, 0.0),
-        up: DVec3::Y,
-    };
-    let projection = Projection::Orthographic { width_mm: 0.9 };
     Scene {
         media: vec![AnyMedium::Grid(grid.unwrap())],
-        lights: vec![Light::from(EnvironmentLight {
-            radiance: Rgb::WHITE,
-            hemisphere: Hemisphere::All,
-        })],
-        camera: Camera::new(projection, pose, UVec2::splat(8), PixelFilter::Box).unwrap(),
+        lights: vec![white_sky(Hemisphere::All)],
+        camera: orthographic(DVec3::new(0.5, 0.5, 5.0), DVec3::new(0.5, 0.5, 0.0), 0.9, 8),
     }
 }
 
@@ -54,8 +44,8 @@ fn thin_matter_beside_dense_matter_keeps_its_transmittance() {
     let settings = settings(0..samples, u32::MAX);
     let mut refused = 0;
     for dense in [1e1, 1e2, 1e3, 3e3, 1e4, 1e5, 1e6, 1e8, 1e9] {
-        let scene = beside_dense(1.0, dense, Interpolation::Nearest);
-        let (walked, stats) = film(&scene, &settings, None);
+        let scene = beside_dense(1.0, dense, 0.0, Interpolation::Nearest);
+        let (walked, stats) = walked(&scene, &settings);
         assert_eq!(stats.rejected + stats.majorant_violations, 0);
         let mean = walked.mean()[0];
         assert!(is_near(mean, exact), "seed 9, {dense}, walk: {mean:?}");
@@ -64,7 +54,7 @@ fn thin_matter_beside_dense_matter_keeps_its_transmittance() {
         match flatten(&scene, &settings, u64::MAX) {
             Ok(flat) => {
                 let kernel = walker(flat, Backend::widest());
-                let (made, _) = film(&scene, &settings, Some(kernel));
+                let (made, _) = film(&scene, &settings, kernel);
                 let mean = made.mean()[0];
                 assert!(is_near(mean, exact), "seed 9, {dense}, kernel: {mean:?}");
             }
@@ -75,8 +65,8 @@ fn thin_matter_beside_dense_matter_keeps_its_transmittance() {
         }
     }
     assert!((3..=5).contains(&refused), "{refused} refused");
-    let twin = beside_dense(thinner, 1e3, Interpolation::Nearest);
-    let (twin, _) = film(&twin, &settings, None);
+    let twin = beside_dense(thinner, 1e3, 0.0, Interpolation::Nearest);
+    let (twin, _) = walked(&twin, &settings);
     assert!(!is_near(twin.mean()[0], exact), "seed 9: {:?}", twin.mean());
 }
 
@@ -85,16 +75,7 @@ fn thin_matter_beside_dense_matter_keeps_its_transmittance() {
 fn walks_end_in_the_densest_matter() {
     for interpolation in [Interpolation::Nearest, Interpolation::Trilinear] {
         for (dense, albedo) in [(1e9, 0.0), (1e9, 0.5), (1e7, 1.0), (1e9, 1.0)] {
-            let mut scene = beside_dense(1.0, dense, interpolation);
-            let grid = GridMedium::new(
-                Aabb::new(Vec3::ZERO, Vec3::new(2.0, 1.0, 1.0)),
-                false,
-                interpolation,
-                Grid::new(UVec3::new(2, 1, 1), vec![[1.0], [dense]]).unwrap(),
-                Grid::constant(Sym3::IDENTITY.to_array()),
-                Grid::constant([albedo; 3]),
-            );
-            scene.media = vec![AnyMedium::Grid(grid.unwrap())];
+            let scene = beside_dense(1.0, dense, albedo, interpolation);
             for integrator in [Integrator::Woodcock, Integrator::Regular] {
                 if integrator == Integrator::Regular && interpolation == Interpolation::Trilinear {
                     continue;
@@ -103,7 +84,7 @@ fn walks_end_in_the_densest_matter() {
                     integrator,
                     ..settings(0..16, u32::MAX)
                 };
-                let (film, stats) = film(&scene, &settings, None);
+                let (film, stats) = walked(&scene, &settings);
                 assert_eq!(stats.rejected, 0, "{dense} {albedo}");
                 let mean = film.mean()[0].0;
                 assert!(
@@ -118,13 +99,8 @@ fn walks_end_in_the_densest_matter() {
 /// An endless slab of white fibres that run along x but for random bends, with that blur
 /// and an optical depth of 0.04 for each of them.
 pub(crate) fn white_slab(longitudinal_deg: f32, fibres: u32, bend_mm: f32) -> Scene {
-    let parameters = DielectricParameters {
-        ior: 1.55,
-        absorption_radii: Rgb::BLACK,
-        longitudinal_rad: longitudinal_deg.to_radians(),
-        azimuthal_rad: 10f32.to_radians(),
-    };
-    let fibre = Fibre::from(DielectricFibre::new(parameters).unwrap());
+    let blurs_rad = [longitudinal_deg, 10.0].map(f32::to_radians);
+    let fibre = dielectric_fibre(Rgb::BLACK, blurs_rad[0], blurs_rad[1]);
     let mut rng = PathRng::from_seed(31);
     let segments = (0..fibres).map(|_| {
         let (y, z) = (0.2 * rng.unit(), 0.03 + 0.06 * rng.unit());
@@ -137,31 +113,21 @@ pub(crate) fn white_slab(longitudinal_deg: f32, fibres: u32, bend_mm: f32) -> Sc
         bounds_mm: Aabb::new(Vec3::ZERO, Vec3::new(0.2, 0.2, 0.12)),
         repeats: true,
     };
-    let options = VoxelizeOptions {
-        voxel_mm: 0.02,
-        levels: Some(2),
-        footprint: FibreFootprint::Axis,
-        max_memory_bytes: None,
-    };
     let segments = SegmentList {
         tile,
         segments: segments.collect(),
     };
-    let octree = voxelize(&segments, &options, &unwatched).unwrap();
+    let octree = octree(&segments, 0.02, 2);
     let medium = VirtualFibreMedium::new(octree, 0, vec![fibre], VirtualFibreEvent::Plain).unwrap();
-    let pose = CameraPose {
-        origin_mm: DVec3::new(0.02, 0.01, 5.0),
-        target_mm: DVec3::new(0.05, 0.05, 0.0),
-        up: DVec3::Y,
-    };
-    let projection = Projection::Orthographic { width_mm: 0.1 };
     Scene {
         media: vec![AnyMedium::VirtualFibres(medium)],
-        lights: vec![Light::from(EnvironmentLight {
-            radiance: Rgb::WHITE,
-            hemisphere: Hemisphere::All,
-        })],
-        camera: Camera::new(projection, pose, UVec2::splat(8), PixelFilter::Box).unwrap(),
+        lights: vec![white_sky(Hemisphere::All)],
+        camera: orthographic(
+            DVec3::new(0.02, 0.01, 5.0),
+            DVec3::new(0.05, 0.05, 0.0),
+            0.1,
+            8,
+        ),
     }
 }
 
@@ -180,14 +146,14 @@ fn white_fibres_keep_all_light_through_tens_of_events() {
     ] {
         let name = format!("seed 9, {longitudinal_deg} degrees, {fibres} fibres");
         let scene = white_slab(longitudinal_deg, fibres, bend_mm);
-        let walked = |flat| film(&scene, &settings, Some(walker(flat, Backend::widest())));
+        let by_kernel = |flat| film(&scene, &settings, walker(flat, Backend::widest()));
         let made = || flat_scene(&scene, &settings);
-        let (own, stats) = walked(made());
+        let (own, stats) = by_kernel(made());
         assert!(stats.collisions > 5 * stats.paths, "{name}");
         let mean = own.mean()[1];
         assert!(is_near(mean, 1.0), "{name}: {mean:?}");
         assert!(mean.1 < 1e-3, "{name}: {mean:?}");
-        let (twin, _) = walked(made().with_fault(Fault::RoundedScale));
+        let (twin, _) = by_kernel(made().with_fault(Fault::RoundedScale));
         rejected += u32::from(!is_near(twin.mean()[1], 1.0));
     }
     assert!(rejected >= 2, "{rejected} of 4 twins rejected");

@@ -31,14 +31,14 @@ impl Engine for WholeFilm {
 fn an_engine_may_take_the_whole_film_at_once() {
     let scene = scene(AnyMedium::Grid(grid(true)), parallel(), lens());
     let settings = settings(0..6, 40);
-    let in_blocks = kernel(&scene, &settings, Backend::widest());
-    let (in_blocks, stats) = film(&scene, &settings, Some(in_blocks));
+    let (in_blocks, stats) = by_kernel(&scene, &settings);
     let blocks = Arc::new(AtomicU32::new(0));
     let whole = WholeFilm {
         engine: kernel(&scene, &settings, Backend::widest()),
         blocks: Arc::clone(&blocks),
     };
-    let mut rendering = Rendering::new(&scene, settings).unwrap().with_engine(whole);
+    let rendering = Rendering::new(&scene, settings).unwrap();
+    let mut rendering = rendering.with_engine(Box::new(whole));
     for samples in [2, 4] {
         rendering = rendering
             .take(samples, &|_| ControlFlow::Continue(()))
@@ -82,10 +82,9 @@ fn an_engine_that_refuses_a_scene_leaves_it_to_the_next() {
 
 #[test]
 fn what_the_kernel_cannot_do_it_refuses() {
-    let flat = Projection::Orthographic { width_mm: 0.2 };
     let refusal =
         |scene: &Scene, settings: &RenderSettings| flatten(scene, settings, 1 << 30).err();
-    let mut scene = scene(AnyMedium::Grid(grid(false)), parallel(), flat);
+    let mut scene = scene(AnyMedium::Grid(grid(false)), parallel(), FLAT);
     let mut exact = settings(0..1, 1);
     assert_eq!(refusal(&scene, &exact), None);
     exact.integrator = Integrator::Regular;

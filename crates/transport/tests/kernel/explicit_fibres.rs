@@ -1,12 +1,13 @@
 //! Explicit fibres in cells against the general walk.
 
+use crate::kernel::packed_fibres::packed;
 use crate::kernel::pictures::picture;
-use crate::kernel::virtual_fibres::silk_and_cotton;
+use crate::kernel::virtual_fibres::{cotton_and_silk, silk_and_cotton};
 use crate::kernel::{
-    agree, film, furnace, lens, panels, parallel, record, samples, scene, settings, sky,
-    vector_backends,
+    PINHOLE, assert_agree, film_by, furnace, least_p, lens, panels, parallel, record, samples,
+    scene, settings, sky, vector_backends, walked, wide,
 };
-use glam::{UVec2, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use organza_basis::curve::{Segment, SegmentList};
 use organza_basis::{Rgb, unwatched};
 use organza_kernel::Refusal;
@@ -53,18 +54,9 @@ pub(crate) fn by_cells(
     settings: &RenderSettings,
     backend: Backend,
 ) -> (Film, Stats) {
-    let walks = engine(
-        scene,
-        settings,
-        EngineChoice::Named(record(backend)),
-        u64::MAX,
-    )
-    .unwrap();
-    let rendering = Rendering::new(scene, settings.clone()).unwrap();
-    let all = settings.samples.end;
-    let rendering = rendering.with_engine(walks);
-    let rendering = rendering.take(all, &|_| ControlFlow::Continue(())).unwrap();
-    rendering.into_parts()
+    let named = EngineChoice::Named(record(backend));
+    let engine = engine(scene, settings, named, u64::MAX).unwrap();
+    film_by(scene, settings, engine)
 }
 
 /// A fibre that is not round beside a round one.
@@ -95,40 +87,30 @@ fn measured_and_round() -> Vec<Fibre> {
 }
 
 fn scenes() -> Vec<(&'static str, Scene)> {
-    let pinhole = Projection::Perspective { fov_rad: 0.25 };
-    let flat = Projection::Orthographic { width_mm: 0.4 };
+    let flat = wide(0.4);
     let cloth = |repeats| fibres_of(repeats, silk_and_cotton());
+    let lobed = || fibres_of(true, lobed_and_round());
+    let measured = fibres_of(true, measured_and_round());
     vec![
-        ("finite", scene(cloth(false), parallel(), pinhole)),
+        ("finite", scene(cloth(false), parallel(), PINHOLE)),
         ("endless", scene(cloth(true), parallel(), flat)),
         ("sky", scene(cloth(true), sky(), lens())),
         ("cut", scene(cut(), parallel(), lens())),
-        ("panels", scene(cloth(true), panels(), pinhole)),
-        ("picture", scene(cloth(false), vec![picture()], pinhole)),
-        (
-            "sections",
-            scene(fibres_of(true, lobed_and_round()), parallel(), pinhole),
-        ),
-        (
-            "measured",
-            scene(fibres_of(true, measured_and_round()), parallel(), pinhole),
-        ),
-        (
-            "sections, sky",
-            scene(fibres_of(true, lobed_and_round()), sky(), flat),
-        ),
+        ("panels", scene(cloth(true), panels(), PINHOLE)),
+        ("picture", scene(cloth(false), vec![picture()], PINHOLE)),
+        ("sections", scene(lobed(), parallel(), PINHOLE)),
+        ("measured", scene(measured, parallel(), PINHOLE)),
+        ("sections, sky", scene(lobed(), sky(), flat)),
     ]
 }
 
 /// Holds the kernel to the general walk; gives the counts of both.
 pub fn assert_agreement(name: &str, scene: &Scene) -> [Stats; 2] {
     let settings = settings(0..sized(1024, 65_536), u32::MAX);
-    let (oracle, of_walk) = film(scene, &settings, None);
+    let (oracle, of_walk) = walked(scene, &settings);
     let (own, stats) = by_cells(scene, &settings, Backend::widest());
     assert_eq!(stats.rejected, 0, "{name}");
-    let (spread, mean) = agree(&own, &oracle);
-    let p = spread.p_value.min(mean.p_value);
-    assert!(p > 1e-4, "{name}, seed 9: {spread:?}, {mean:?}");
+    assert_agree(name, &own, &oracle);
     let depth = |film: &Film| {
         let depths: Vec<f64> = film.pixels().iter().filter_map(|p| p.depth_mm()).collect();
         depths.iter().sum::<f64>() / depths.len().max(1) as f64
@@ -165,23 +147,34 @@ fn cells_agree_with_the_general_walk() {
         assert_agreement(name, &scene);
     }
     // The known-bad twin: another cloth.
-    let lit = |materials| {
-        let flat = Projection::Orthographic { width_mm: 0.4 };
-        scene(fibres_of(true, materials), parallel(), flat)
-    };
+    let lit = |materials| scene(fibres_of(true, materials), parallel(), wide(0.4));
     let settings = settings(0..samples(), u32::MAX);
-    let (oracle, _) = film(&lit(silk_and_cotton()), &settings, None);
-    let mut swapped = silk_and_cotton();
-    swapped.reverse();
-    let (own, _) = by_cells(&lit(swapped), &settings, Backend::widest());
-    let (spread, mean) = agree(&own, &oracle);
-    assert!(spread.p_value.min(mean.p_value) < 1e-9, "seed 9");
+    let (oracle, _) = walked(&lit(silk_and_cotton()), &settings);
+    let (own, _) = by_cells(&lit(cotton_and_silk()), &settings, Backend::widest());
+    assert!(least_p(&own, &oracle) < 1e-9, "seed 9");
 }
 
 #[test]
 fn back_ends_walk_fibres_alike() {
     for (name, scene) in scenes() {
         assert_same_bits(name, &scene);
+    }
+}
+
+/// An engine in the least memory that suffices.
+pub(crate) fn in_least_memory<'a>(
+    scene: &'a Scene,
+    settings: &RenderSettings,
+    choice: EngineChoice,
+) -> Box<dyn Engine + 'a> {
+    let mut allowed = 1 << 14;
+    loop {
+        match engine(scene, settings, choice, allowed) {
+            Ok(engine) => return engine,
+            Err(KernelRefusal::Kernel(Refusal::Memory(needed, _))) => assert!(needed > allowed),
+            Err(why) => panic!("{why}"),
+        }
+        allowed += 1 << 16;
     }
 }
 
@@ -192,33 +185,18 @@ fn lists_give_the_picture_of_copies() {
     for (name, scene) in scenes() {
         let settings = settings(0..24, 40);
         let (copies, counts) = by_cells(&scene, &settings, Backend::widest());
-        let mut allowed = 1 << 14;
-        let lists = loop {
-            match engine(&scene, &settings, EngineChoice::Fastest, allowed) {
-                Ok(lists) => break lists,
-                Err(KernelRefusal::Kernel(Refusal::Memory(needed, _))) => {
-                    assert!(needed > allowed, "{name}");
-                }
-                Err(why) => panic!("{name}: {why}"),
-            }
-            allowed += 1 << 16;
-        };
-        assert!(lists.saved_memory().is_some(), "{name}: {allowed}");
-        let rendering = Rendering::new(&scene, settings.clone()).unwrap();
-        let rendering = rendering.with_engine(lists);
-        let rendering = rendering.take(24, &|_| ControlFlow::Continue(())).unwrap();
-        let (film, stats) = rendering.into_parts();
+        let lists = in_least_memory(&scene, &settings, EngineChoice::Fastest);
+        assert!(lists.saved_memory().is_some(), "{name}");
+        let (film, stats) = film_by(&scene, &settings, lists);
         assert!(film == copies, "{name}");
         assert_eq!(stats, counts, "{name}");
     }
 }
 
-/// Fibres that keep all light are not seen under an even sky.
-#[test]
-fn clear_fibres_vanish_in_a_furnace() {
-    let scene = furnace(|fibres| fibres_of(true, fibres));
+/// Holds fibres that keep all light to white.
+pub(crate) fn assert_furnace_is_white(scene: &Scene) {
     let settings = settings(0..samples(), u32::MAX);
-    let (film, stats) = by_cells(&scene, &settings, Backend::widest());
+    let (film, stats) = by_cells(scene, &settings, Backend::widest());
     assert!(stats.collisions > stats.paths, "{stats:?}");
     // The balance of the lobes keeps energy to 1e-3 an event.
     for (mean, error) in film.mean() {
@@ -227,14 +205,23 @@ fn clear_fibres_vanish_in_a_furnace() {
     }
 }
 
+/// Fibres that keep all light are not seen under an even sky.
+#[test]
+fn clear_fibres_vanish_in_a_furnace() {
+    assert_furnace_is_white(&furnace(|fibres| fibres_of(true, fibres)));
+}
+
 /// Memory is counted before it is taken.
 #[test]
-fn cells_that_do_not_fit_are_refused() {
-    let flat = Projection::Orthographic { width_mm: 0.4 };
-    let scene = scene(fibres_of(true, silk_and_cotton()), parallel(), flat);
-    let settings = settings(0..1, 1);
-    let refused = engine(&scene, &settings, EngineChoice::Fastest, 1000).err();
-    let refused = refused.map(|e| e.to_string()).unwrap_or_default();
-    assert!(refused.contains("more than 1000"), "{refused}");
-    assert_eq!(scene.camera.resolution(), UVec2::new(7, 5));
+fn cells_and_voxels_that_do_not_fit_are_refused() {
+    let cloths = [
+        fibres_of(true, silk_and_cotton()),
+        AnyMedium::VirtualFibres(packed(true, silk_and_cotton())),
+    ];
+    for cloth in cloths {
+        let scene = scene(cloth, parallel(), wide(0.4));
+        let refused = engine(&scene, &settings(0..1, 1), EngineChoice::Fastest, 1000).err();
+        let refused = refused.map(|e| e.to_string()).unwrap_or_default();
+        assert!(refused.contains("more than 1000"), "{refused}");
+    }
 }

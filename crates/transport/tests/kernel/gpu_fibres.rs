@@ -1,35 +1,27 @@
 //! Explicit fibres on graphics adapters against the engine for processors, its oracle.
 
-use crate::kernel::explicit_fibres::{cut, fibres_of, lobed_and_round};
-use crate::kernel::gpu::assert_depths_agree;
+use crate::kernel::explicit_fibres::{cut, fibres_of, in_least_memory, lobed_and_round};
+use crate::kernel::gpu::{assert_depths_agree, available};
 use crate::kernel::packed_fibres::{cut_packed, hybrid, packed};
 use crate::kernel::pictures::picture;
-use crate::kernel::several_cloths;
-use crate::kernel::virtual_fibres::silk_and_cotton;
-use crate::kernel::{agree, furnace, lens, panels, parallel, scene, settings, sky};
+use crate::kernel::virtual_fibres::{cotton_and_silk, silk_and_cotton};
+use crate::kernel::{
+    self, FLAT, PINHOLE, assert_agree, furnace, least_p, lens, panels, parallel, scene, settings,
+    several_cloths, sky, wide,
+};
 use glam::Vec3;
 use organza_basis::Rgb;
-use organza_kernel::Refusal;
 use organza_scatter::Fibre;
 use organza_transport::*;
-use std::ops::ControlFlow;
 
 /// The film of an engine; `None`, with a line of its own, without adapters.
 fn film(scene: &Scene, settings: &RenderSettings, name: &str) -> Option<(Film, Stats)> {
     let choice = EngineChoice::Named(engine_named(name).unwrap());
-    let engine = match engine(scene, settings, choice, u64::MAX) {
-        Ok(engine) => engine,
-        Err(KernelRefusal::Kernel(Refusal::Unavailable { needs, .. })) => {
-            organza_testing::skipped("engine gpu", &format!("this computer lacks {needs}"));
-            return None;
-        }
-        Err(why) => panic!("{why}"),
-    };
-    let rendering = Rendering::new(scene, settings.clone()).unwrap();
-    let rendering = rendering.with_engine(engine);
-    let all = settings.samples.end;
-    let rendering = rendering.take(all, &|_| ControlFlow::Continue(())).unwrap();
-    Some(rendering.into_parts())
+    let made = engine(scene, settings, choice, u64::MAX).map_err(|why| match why {
+        KernelRefusal::Kernel(why) => why,
+        why => panic!("{why}"),
+    });
+    available(made).map(|made| kernel::film_by(scene, settings, made.unwrap()))
 }
 
 fn samples() -> u64 {
@@ -37,16 +29,14 @@ fn samples() -> u64 {
 }
 
 fn scenes() -> Vec<(&'static str, Scene)> {
-    let pinhole = Projection::Perspective { fov_rad: 0.25 };
-    let flat = Projection::Orthographic { width_mm: 0.3 };
-    let wide = Projection::Orthographic { width_mm: 0.7 };
+    let wide = wide(0.7);
     let fibres = |repeats| fibres_of(repeats, silk_and_cotton());
     let all = || [parallel(), sky(), panels(), vec![picture(), spot()]].concat();
     let mut scenes = vec![
-        ("alone", scene(fibres(false), parallel(), pinhole)),
-        ("endless", scene(fibres(true), parallel(), flat)),
+        ("alone", scene(fibres(false), parallel(), PINHOLE)),
+        ("endless", scene(fibres(true), parallel(), FLAT)),
         ("sky", scene(fibres(true), sky(), lens())),
-        ("panels", scene(fibres(false), panels(), pinhole)),
+        ("panels", scene(fibres(false), panels(), PINHOLE)),
         ("picture", scene(fibres(true), vec![picture()], lens())),
         ("cut, all lights", scene(cut(), all(), wide)),
         (
@@ -54,17 +44,17 @@ fn scenes() -> Vec<(&'static str, Scene)> {
             scene(
                 fibres_of(true, lobed_and_round()),
                 [sky(), parallel()].concat(),
-                flat,
+                FLAT,
             ),
         ),
         (
             "packed",
-            scene(voxels(false, silk_and_cotton()), sky(), pinhole),
+            scene(voxels(false, silk_and_cotton()), sky(), PINHOLE),
         ),
         ("packed, cut", scene(cut_packed(), all(), lens())),
         (
             "hybrid, events",
-            scene(hybrid(true, 1, f32::INFINITY), parallel(), flat),
+            scene(hybrid(true, 1, f32::INFINITY), parallel(), FLAT),
         ),
         (
             "hybrid, weight",
@@ -104,9 +94,7 @@ fn explicit_fibres_on_an_adapter_agree_with_a_processor() {
         };
         let (oracle, counts) = film(&scene, &other, Backend::widest().name()).unwrap();
         assert_eq!(stats.rejected, 0, "{name}");
-        let (spread, mean) = agree(&own, &oracle);
-        assert!(spread.p_value > 1e-4, "{name}, seed 9: pixels {spread:?}");
-        assert!(mean.p_value > 1e-4, "{name}, seed 9: mean {mean:?}");
+        assert_agree(name, &own, &oracle);
         let events = |s: &Stats| s.collisions as f64 / s.paths as f64;
         let (a, b) = (events(&stats), events(&counts));
         // Under lamps a processor divides paths, and an adapter does not.
@@ -122,14 +110,11 @@ fn explicit_fibres_on_an_adapter_agree_with_a_processor() {
 /// place of others, and other fibres over a mesh.
 #[test]
 fn other_fibres_on_an_adapter_are_rejected() {
-    let flat = Projection::Orthographic { width_mm: 0.3 };
     let of = |absorption: f32| {
         let fibre: Fibre = organza_testing::dielectric_fibre(Rgb::splat(absorption), 0.09, 0.17);
-        scene(fibres_of(true, vec![fibre.clone(), fibre]), sky(), flat)
+        scene(fibres_of(true, vec![fibre.clone(), fibre]), sky(), FLAT)
     };
-    let mut swapped = silk_and_cotton();
-    swapped.reverse();
-    let bent = |fibres| scene(several_cloths::draped(fibres), parallel(), flat);
+    let bent = |fibres| scene(several_cloths::draped(fibres), parallel(), FLAT);
     let settings = settings(0..4 * samples(), u32::MAX);
     let other = RenderSettings {
         seed: 10,
@@ -137,23 +122,20 @@ fn other_fibres_on_an_adapter_are_rejected() {
     };
     let lobed = lobed_and_round();
     let round = vec![lobed[1].clone(); 2];
-    let under_sky = |fibres| scene(fibres_of(true, fibres), sky(), flat);
+    let under_sky = |fibres| scene(fibres_of(true, fibres), sky(), FLAT);
     for (name, right, wrong) in [
         ("absorption", of(0.01), of(0.02)),
         ("sections", under_sky(lobed), under_sky(round)),
-        ("bent", bent(silk_and_cotton()), bent(swapped)),
+        ("bent", bent(silk_and_cotton()), bent(cotton_and_silk())),
     ] {
         let (oracle, _) = film(&right, &other, Backend::widest().name()).unwrap();
         let Some((own, _)) = film(&right, &settings, "gpu") else {
             return;
         };
-        let p_of = |film: &Film| {
-            let (spread, mean) = agree(film, &oracle);
-            spread.p_value.min(mean.p_value)
-        };
-        assert!(p_of(&own) > 1e-4, "{name}, seed 9: {}", p_of(&own));
+        assert_agree(name, &own, &oracle);
         let (twin, _) = film(&wrong, &settings, "gpu").unwrap();
-        assert!(p_of(&twin) < 1e-6, "{name}, seed 9: {}", p_of(&twin));
+        let p = least_p(&twin, &oracle);
+        assert!(p < 1e-6, "{name}, seed 9: {p}");
     }
 }
 
@@ -206,18 +188,6 @@ fn lists_give_the_bits_of_copies_on_an_adapter() {
         return;
     };
     let choice = EngineChoice::Named(engine_named("gpu").unwrap());
-    // The least memory that suffices.
-    let mut allowed = 1 << 14;
-    let lists = loop {
-        match engine(&scene, &settings, choice, allowed) {
-            Ok(lists) => break lists,
-            Err(KernelRefusal::Kernel(Refusal::Memory(needed, _))) => assert!(needed > allowed),
-            Err(why) => panic!("{why}"),
-        }
-        allowed += 1 << 16;
-    };
-    let rendering = Rendering::new(&scene, settings.clone()).unwrap();
-    let rendering = rendering.with_engine(lists);
-    let rendering = rendering.take(6, &|_| ControlFlow::Continue(())).unwrap();
-    assert!(*rendering.film() == copies);
+    let lists = in_least_memory(&scene, &settings, choice);
+    assert!(kernel::film_by(&scene, &settings, lists).0 == copies);
 }

@@ -1,9 +1,10 @@
 //! Tables of lights that lanes could not address: they look words up by signed numbers of 32
 //! bits, so that tables of 2^31 words are refused before they are made.
 
-use crate::kernel::{scene, settings};
+use crate::kernel::{FLAT, scene, settings};
+use crate::scenes::sun;
 use glam::{UVec3, Vec3};
-use organza_basis::{Aabb, Rgb, Sym3, warp};
+use organza_basis::{Aabb, Sym3, warp};
 use organza_kernel::Refusal;
 use organza_transport::*;
 
@@ -25,14 +26,10 @@ fn lit_by(lights: u64) -> Scene {
     );
     let light = |i| {
         let angle_rad = 0.3 + 1e-3 * i as f32;
-        Light::from(DirectionalLight {
-            direction: -warp::direction_from_angles(0.5, angle_rad),
-            irradiance: Rgb::WHITE,
-        })
+        sun(-warp::direction_from_angles(0.5, angle_rad), 1.0)
     };
-    let flat = Projection::Orthographic { width_mm: 0.3 };
     let lights = (0..lights).map(light).collect();
-    scene(AnyMedium::Grid(medium.unwrap()), lights, flat)
+    scene(AnyMedium::Grid(medium.unwrap()), lights, FLAT)
 }
 
 #[test]

@@ -18,15 +18,15 @@ mod radiance_cache;
 mod several_cloths;
 mod virtual_fibres;
 
+use crate::scenes::{octree, white_sky};
 use glam::{DVec3, UVec2, UVec3, Vec2, Vec3};
 use organza_basis::hypothesis::{Verdict, z_test};
-use organza_basis::{Aabb, PathRng, Rgb, Sym3, unwatched};
+use organza_basis::{Aabb, PathRng, Rgb, Sym3};
 use organza_kernel::proofs::Fault;
 use organza_kernel::{Block, Lost, Refusal, Unsuited};
 use organza_scatter::Fibre;
 use organza_testing::{dielectric_fibre, little_weave};
 use organza_transport::*;
-use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
 use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -86,13 +86,7 @@ fn cloth() -> FlakeOctreeMedium {
 
 /// The same at a level of detail, up to 2.
 fn cloth_at(level: u8) -> FlakeOctreeMedium {
-    let options = VoxelizeOptions {
-        voxel_mm: 0.02,
-        levels: Some(2.max(level + 1)),
-        footprint: FibreFootprint::Axis,
-        max_memory_bytes: None,
-    };
-    let octree = voxelize(&little_weave(0.0, 0), &options, &unwatched).unwrap();
+    let octree = octree(&little_weave(0.0, 0), 0.02, 2.max(level + 1));
     let optics = FlakeOptics {
         albedo: Rgb::new(0.9, 0.7, 0.5),
         end_on_ratio: 0.1,
@@ -162,6 +156,13 @@ fn cut_grid() -> AnyMedium {
     grid
 }
 
+const PINHOLE: Projection = Projection::Perspective { fov_rad: 0.25 };
+const FLAT: Projection = wide(0.3);
+
+const fn wide(width_mm: f64) -> Projection {
+    Projection::Orthographic { width_mm }
+}
+
 fn lens() -> Projection {
     Projection::ThinLens {
         fov_rad: 0.3,
@@ -192,13 +193,8 @@ fn scene(medium: AnyMedium, lights: Vec<Light>, projection: Projection) -> Scene
 /// Cloth whose two fibres keep all light, under an even white sky: white in every pixel.
 fn furnace(cloth: impl Fn(Vec<Fibre>) -> AnyMedium) -> Scene {
     let clear = dielectric_fibre(Rgb::BLACK, 0.1, 0.17);
-    let even = EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere: Hemisphere::All,
-    };
-    let flat = Projection::Orthographic { width_mm: 0.4 };
     let cloth = cloth(vec![clear.clone(), clear]);
-    scene(cloth, vec![Light::from(even)], flat)
+    scene(cloth, vec![white_sky(Hemisphere::All)], wide(0.4))
 }
 
 fn settings(samples: Range<u64>, max_bounces: u32) -> RenderSettings {
@@ -211,14 +207,34 @@ fn settings(samples: Range<u64>, max_bounces: u32) -> RenderSettings {
     }
 }
 
-fn film(scene: &Scene, settings: &RenderSettings, kernel: Option<VoxelEngine>) -> (Film, Stats) {
-    let mut rendering = Rendering::new(scene, settings.clone()).unwrap();
-    if let Some(kernel) = kernel {
-        rendering = rendering.with_engine(kernel);
-    }
+/// The film of the general walk, and its counts.
+fn walked(scene: &Scene, settings: &RenderSettings) -> (Film, Stats) {
+    taken(Rendering::new(scene, settings.clone()).unwrap(), settings)
+}
+
+/// The film of an engine, and its counts.
+fn film(scene: &Scene, settings: &RenderSettings, engine: impl Engine + 'static) -> (Film, Stats) {
+    film_by(scene, settings, Box::new(engine))
+}
+
+fn film_by<'a>(
+    scene: &'a Scene,
+    settings: &RenderSettings,
+    engine: Box<dyn Engine + 'a>,
+) -> (Film, Stats) {
+    let rendering = Rendering::new(scene, settings.clone()).unwrap();
+    taken(rendering.with_engine(engine), settings)
+}
+
+fn taken(rendering: Rendering<'_>, settings: &RenderSettings) -> (Film, Stats) {
     let all = settings.samples.end;
     let rendering = rendering.take(all, &|_| ControlFlow::Continue(())).unwrap();
     rendering.into_parts()
+}
+
+/// The film of the widest lanes through voxels, and its counts.
+fn by_kernel(scene: &Scene, settings: &RenderSettings) -> (Film, Stats) {
+    film(scene, settings, kernel(scene, settings, Backend::widest()))
 }
 
 /// The back ends beside the scalar one that this processor has.
@@ -269,60 +285,62 @@ fn agree(a: &Film, b: &Film) -> (Verdict, Verdict) {
     (spread, z_test(m.0, n.0, m.1.hypot(n.1)))
 }
 
+/// The lesser probability of both verdicts.
+fn least_p(a: &Film, b: &Film) -> f64 {
+    let (spread, mean) = agree(a, b);
+    spread.p_value.min(mean.p_value)
+}
+
+/// Holds two films to one picture.
+fn assert_agree(name: &str, a: &Film, b: &Film) {
+    let (spread, mean) = agree(a, b);
+    assert!(spread.p_value > 1e-4, "{name}, seed 9: pixels {spread:?}");
+    assert!(mean.p_value > 1e-4, "{name}, seed 9: mean {mean:?}");
+}
+
+/// Holds paths to as many events.
+fn assert_same_events(name: &str, a: &Stats, b: &Stats) {
+    let per_path = |s: &Stats| s.collisions as f64 / s.paths as f64;
+    let (m, n) = (per_path(a), per_path(b));
+    assert!((m / n - 1.0).abs() < 0.05, "{name}: {m}, {n} events a path");
+}
+
+/// Holds all back ends through voxels to the same bits.
+fn assert_back_ends_alike(name: &str, scene: &Scene) {
+    let settings = settings(0..6, 40);
+    let of = |backend| film(scene, &settings, kernel(scene, &settings, backend));
+    let one = of(Backend::Scalar);
+    for backend in vector_backends() {
+        assert!(of(backend) == one, "{name}, {backend:?}");
+    }
+}
+
 fn samples() -> u64 {
     organza_testing::sized(2048, 65_536)
 }
 
 #[test]
 fn the_kernel_agrees_with_the_general_walk() {
-    let pinhole = Projection::Perspective { fov_rad: 0.25 };
-    let flat = Projection::Orthographic { width_mm: 0.3 };
-    let wide = Projection::Orthographic { width_mm: 0.7 };
+    let grid = |repeats| AnyMedium::Grid(grid(repeats));
+    let mixtures = |level| AnyMedium::FlakeOctree(cloth_at(level));
     for (name, scene) in [
-        (
-            "finite",
-            scene(AnyMedium::Grid(grid(false)), parallel(), pinhole),
-        ),
-        (
-            "endless",
-            scene(AnyMedium::Grid(grid(true)), parallel(), flat),
-        ),
-        ("sky", scene(AnyMedium::Grid(grid(false)), sky(), lens())),
-        (
-            "endless sky",
-            scene(AnyMedium::Grid(grid(true)), sky(), pinhole),
-        ),
-        (
-            "mixtures",
-            scene(AnyMedium::FlakeOctree(cloth()), parallel(), flat),
-        ),
-        (
-            "panels",
-            scene(AnyMedium::Grid(grid(false)), panels(), pinhole),
-        ),
-        (
-            "mixtures, level 1",
-            scene(AnyMedium::FlakeOctree(cloth_at(1)), parallel(), flat),
-        ),
-        (
-            "mixtures, level 2",
-            scene(AnyMedium::FlakeOctree(cloth_at(2)), parallel(), flat),
-        ),
-        ("cut", scene(cut_grid(), parallel(), wide)),
-        ("cut, panels", scene(cut_grid(), panels(), wide)),
-        (
-            "mixtures, sky",
-            scene(AnyMedium::FlakeOctree(cloth()), sky(), flat),
-        ),
+        ("finite", scene(grid(false), parallel(), PINHOLE)),
+        ("endless", scene(grid(true), parallel(), FLAT)),
+        ("sky", scene(grid(false), sky(), lens())),
+        ("endless sky", scene(grid(true), sky(), PINHOLE)),
+        ("mixtures", scene(mixtures(0), parallel(), FLAT)),
+        ("panels", scene(grid(false), panels(), PINHOLE)),
+        ("mixtures, level 1", scene(mixtures(1), parallel(), FLAT)),
+        ("mixtures, level 2", scene(mixtures(2), parallel(), FLAT)),
+        ("cut", scene(cut_grid(), parallel(), wide(0.7))),
+        ("cut, panels", scene(cut_grid(), panels(), wide(0.7))),
+        ("mixtures, sky", scene(mixtures(0), sky(), FLAT)),
     ] {
         let settings = settings(0..samples(), u32::MAX);
-        let widest = kernel(&scene, &settings, Backend::widest());
-        let (a, stats) = film(&scene, &settings, Some(widest));
-        let (b, _) = film(&scene, &settings, None);
+        let (a, stats) = by_kernel(&scene, &settings);
+        let (b, _) = walked(&scene, &settings);
         assert_eq!(stats.rejected + stats.majorant_violations, 0, "{name}");
-        let (spread, mean) = agree(&a, &b);
-        assert!(spread.p_value > 1e-4, "{name}, seed 9: pixels {spread:?}");
-        assert!(mean.p_value > 1e-4, "{name}, seed 9: mean {mean:?}");
+        assert_agree(name, &a, &b);
         for (p, q) in a.pixels().iter().zip(b.pixels()) {
             let n = samples() as f64;
             let through = f64::from(q.straight_through());
@@ -348,22 +366,17 @@ fn the_kernel_agrees_with_the_general_walk() {
 /// Exact rays set even a wrong table right; without them it is rejected.
 #[test]
 fn a_table_without_exact_rays_is_rejected() {
-    let flat = Projection::Orthographic { width_mm: 0.2 };
-    let scene = scene(AnyMedium::Grid(grid(false)), parallel(), flat);
+    let scene = scene(AnyMedium::Grid(grid(false)), parallel(), wide(0.2));
     let settings = settings(0..2048, 1);
-    let (oracle, _) = film(&scene, &settings, None);
+    let (oracle, _) = walked(&scene, &settings);
     let wrong_table = || flat_scene(&scene, &settings).with_fault(Fault::OpticalDepths);
     let right = walker(wrong_table(), Backend::widest());
-    let (right, stats) = film(&scene, &settings, Some(right));
-    let (spread, mean) = agree(&right, &oracle);
+    let (right, stats) = film(&scene, &settings, right);
     assert!(stats.shadow_rays > 0);
-    assert!(
-        spread.p_value > 1e-4 && mean.p_value > 1e-4,
-        "seed 9: {spread:?} {mean:?}"
-    );
+    assert_agree("exact rays", &right, &oracle);
     let twin = wrong_table().with_fault(Fault::NoExactRays);
     let twin = walker(twin, Backend::widest());
-    let (wrong, stats) = film(&scene, &settings, Some(twin));
+    let (wrong, stats) = film(&scene, &settings, twin);
     assert_eq!(stats.shadow_rays, 0);
     assert!(agree(&wrong, &oracle).0.p_value < 1e-9, "seed 9");
 }
@@ -382,24 +395,21 @@ fn back_ends_threads_and_passes_give_the_same_bits() {
     lights.push(SpotLight::point(above, Rgb::splat(0.02)).into());
     let scene = scene(AnyMedium::FlakeOctree(cloth()), lights, lens());
     let settings = settings(0..6, 40);
-    let (film_of_one, stats) = film(
-        &scene,
-        &settings,
-        Some(kernel(&scene, &settings, Backend::Scalar)),
-    );
+    let scalar = kernel(&scene, &settings, Backend::Scalar);
+    let (film_of_one, stats) = film(&scene, &settings, scalar);
     for backend in vector_backends() {
         for threads in [1, 3] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             pool.unwrap().install(|| {
                 let made = kernel(&scene, &settings, backend);
-                let (whole, counts) = film(&scene, &settings, Some(made));
+                let (whole, counts) = film(&scene, &settings, made);
                 assert_eq!(whole, film_of_one, "{backend:?}, {threads} threads");
                 assert_eq!(counts, stats, "{backend:?}, {threads} threads");
             });
         }
         let mut parts = Rendering::new(&scene, settings.clone())
             .unwrap()
-            .with_engine(kernel(&scene, &settings, backend));
+            .with_engine(Box::new(kernel(&scene, &settings, backend)));
         for samples in [1, 3, 2] {
             parts = parts.take(samples, &|_| ControlFlow::Continue(())).unwrap();
         }

@@ -1,7 +1,7 @@
 //! Lights near the matter: the kernel agrees with the general walk there, and how much noisier
 //! it is.
 
-use crate::kernel::{agree, film, grid, kernel, samples, scene, settings};
+use crate::kernel::{FLAT, agree, assert_agree, by_kernel, grid, samples, scene, settings, walked};
 use glam::Vec3;
 use organza_basis::Rgb;
 use organza_kernel::Refusal;
@@ -69,20 +69,13 @@ fn others(factor: f32) -> [(&'static str, Light); 3] {
 /// Pictures of a light by the kernel and by the walk agree, pixel by pixel and on average; what
 /// the first one's variance is over the second's. The twin is a fifth brighter.
 fn kernel_agrees(name: &str, lit: &dyn Fn(f32) -> Light) -> f64 {
-    let flat = Projection::Orthographic { width_mm: 0.3 };
     let settings = settings(0..samples(), u32::MAX);
-    let scene_of = |factor| scene(AnyMedium::Grid(grid(false)), vec![lit(factor)], flat);
-    let by_kernel = |factor| {
-        let scene = scene_of(factor);
-        let engine = kernel(&scene, &settings, Backend::widest());
-        film(&scene, &settings, Some(engine))
-    };
+    let scene_of = |factor| scene(AnyMedium::Grid(grid(false)), vec![lit(factor)], FLAT);
+    let by_kernel = |factor| by_kernel(&scene_of(factor), &settings);
     let (a, stats) = by_kernel(1.0);
-    let (b, _) = film(&scene_of(1.0), &settings, None);
+    let (b, _) = walked(&scene_of(1.0), &settings);
     assert_eq!(stats.rejected + stats.majorant_violations, 0, "{name}");
-    let (spread, mean) = agree(&a, &b);
-    assert!(spread.p_value > 1e-4, "{name}, seed 9: pixels {spread:?}");
-    assert!(mean.p_value > 1e-4, "{name}, seed 9: mean {mean:?}");
+    assert_agree(name, &a, &b);
     let p_value = agree(&by_kernel(1.2).0, &b).1.p_value;
     assert!(
         p_value < 1e-6,
@@ -113,12 +106,11 @@ fn near_lights_agree_with_the_walk() {
 
 #[test]
 fn a_panel_in_the_matter_is_left_to_the_walk() {
-    let flat = Projection::Orthographic { width_mm: 0.3 };
     let (u, v) = (0.1 * Vec3::X, 0.1 * Vec3::Y);
     let medium = AnyMedium::Grid(grid(false));
     let middle = medium.cell_grid().unwrap().bounds_mm().centre();
     let moved = RectangleLight::new(middle, u, v, Rgb::WHITE, false).unwrap();
-    let scene = scene(medium, vec![moved.into()], flat);
+    let scene = scene(medium, vec![moved.into()], FLAT);
     let refused = flatten(&scene, &settings(0..1, u32::MAX), u64::MAX);
     let expected = Err(KernelRefusal::Kernel(Refusal::LightInMatter));
     assert_eq!(refused.map(|_| ()), expected);

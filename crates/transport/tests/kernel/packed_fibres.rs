@@ -1,24 +1,23 @@
 //! Packed fibres in the kernel, with the events of explicit ones, against the general walk.
 
 use crate::kernel::explicit_fibres::{
-    assert_agreement, assert_same_bits, by_cells, fibres_of, segments,
+    assert_agreement, assert_furnace_is_white, assert_same_bits, by_cells, fibres_of, segments,
 };
 use crate::kernel::pictures::picture;
 use crate::kernel::virtual_fibres::silk_and_cotton;
 use crate::kernel::{
-    agree, film, furnace, lens, panels, parallel, samples, scene, settings, sky, vector_backends,
+    PINHOLE, agree, assert_agree, assert_same_events, film, furnace, least_p, lens, panels,
+    parallel, samples, scene, settings, sky, vector_backends, walked, wide,
 };
+use crate::scenes::{octree, white_sky};
 use glam::Vec2;
-use organza_basis::{Rgb, unwatched};
+use organza_basis::unwatched;
 use organza_kernel::FibreEngine;
 use organza_kernel::fibres::{FibreMatter, FibreScene};
 use organza_kernel::proofs::PackedFault;
 use organza_scatter::Fibre;
 use organza_transport::*;
-use organza_volume::{
-    FibreFootprint, MaterialPacking, MeasuredPacking, PackingFactor, VoxelizeOptions, voxelize,
-};
-use std::ops::ControlFlow;
+use organza_volume::{MaterialPacking, MeasuredPacking, PackingFactor};
 use std::sync::Arc;
 
 /// Twisted fibres of two materials and six yarns, with packing factors that differ.
@@ -28,18 +27,12 @@ pub fn packed(repeats: bool, fibres: Vec<Fibre>) -> VirtualFibreMedium {
 
 /// The same at a level, whose coarse voxels keep their outlines.
 fn packed_at(level: u8, repeats: bool, fibres: Vec<Fibre>) -> VirtualFibreMedium {
-    let options = VoxelizeOptions {
-        voxel_mm: 0.006,
-        levels: Some(1 + level),
-        footprint: FibreFootprint::Axis,
-        max_memory_bytes: None,
-    };
     let mut source = segments(repeats);
     if !repeats {
         // Hairs leave the tile.
         source.segments.retain(|s| s.yarn != 7);
     }
-    let octree = voxelize(&source, &options, &unwatched).unwrap();
+    let octree = octree(&source, 0.006, 1 + level);
     let factor = |mean: f32| {
         Some(PackingFactor {
             mean,
@@ -74,16 +67,15 @@ pub fn cut_packed() -> AnyMedium {
 }
 
 fn scenes() -> Vec<(&'static str, Scene)> {
-    let pinhole = Projection::Perspective { fov_rad: 0.25 };
-    let flat = Projection::Orthographic { width_mm: 0.4 };
+    let flat = wide(0.4);
     let coarse = AnyMedium::VirtualFibres(packed_at(2, true, silk_and_cotton()));
     vec![
         ("coarse", scene(coarse, sky(), flat)),
-        ("finite", scene(cloth(false), parallel(), pinhole)),
+        ("finite", scene(cloth(false), parallel(), PINHOLE)),
         ("endless", scene(cloth(true), parallel(), flat)),
         ("sky", scene(cloth(true), sky(), lens())),
         ("cut, panels", scene(cut_packed(), panels(), lens())),
-        ("picture", scene(cloth(true), vec![picture()], pinhole)),
+        ("picture", scene(cloth(true), vec![picture()], PINHOLE)),
     ]
 }
 
@@ -114,20 +106,14 @@ fn faulty(scene: &Scene, settings: &RenderSettings, fault: PackedFault) -> Film 
         settings.max_bounces.min(MAX_EVENTS),
     );
     let engine = FibreEngine::new(Arc::new(laid_out), Backend::widest()).unwrap();
-    let rendering = Rendering::new(scene, settings.clone()).unwrap();
-    let all = settings.samples.end;
-    let rendering = rendering.with_engine(engine);
-    let rendering = rendering.take(all, &|_| ControlFlow::Continue(())).unwrap();
-    rendering.into_parts().0
+    film(scene, settings, engine).0
 }
 
 /// Holds the kernel to the general walk, and to its number of events.
 fn assert_agreement_in_events(name: &str, scene: &Scene) {
     let [own, of_walk] = assert_agreement(name, scene);
     assert_eq!(own.majorant_violations, 0, "{name}");
-    let per_path = |s: &Stats| s.collisions as f64 / s.paths as f64;
-    let (m, n) = (per_path(&own), per_path(&of_walk));
-    assert!((m / n - 1.0).abs() < 0.05, "{name}: {m}, {n} events a path");
+    assert_same_events(name, &own, &of_walk);
 }
 
 #[test]
@@ -140,25 +126,16 @@ fn packed_fibres_agree_with_the_general_walk() {
 /// Extinction a fifth too low, and paths that start where they came in.
 #[test]
 fn faults_of_packed_fibres_are_rejected() {
-    let flat = Projection::Orthographic { width_mm: 0.4 };
-    let behind = Light::from(EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere: Hemisphere::Back,
-    });
-    let scene = scene(cloth(true), vec![behind], flat);
+    let flat = wide(0.4);
+    let scene = scene(cloth(true), vec![white_sky(Hemisphere::Back)], flat);
     let settings = settings(0..2 * samples(), u32::MAX);
-    let (oracle, _) = film(&scene, &settings, None);
-    assert!(
-        agree(&by_cells(&scene, &settings, Backend::widest()).0, &oracle)
-            .1
-            .p_value
-            > 1e-4
-    );
+    let (oracle, _) = walked(&scene, &settings);
+    let (own, _) = by_cells(&scene, &settings, Backend::widest());
+    assert!(agree(&own, &oracle).1.p_value > 1e-4);
     for fault in [PackedFault::Extinction(0.8), PackedFault::StartAtEntry] {
-        let (spread, mean) = agree(&faulty(&scene, &settings, fault), &oracle);
-        let least = spread.p_value.min(mean.p_value);
+        let least = least_p(&faulty(&scene, &settings, fault), &oracle);
         // Margin: the probability at which the twin is rejected.
-        assert!(least < 1e-9, "{fault:?}, seed 9: {spread:?}, {mean:?}");
+        assert!(least < 1e-9, "{fault:?}, seed 9: {least}");
     }
 }
 
@@ -172,33 +149,21 @@ fn back_ends_walk_packed_fibres_alike() {
 /// Packed fibres that keep all light are not seen under an even sky.
 #[test]
 fn clear_packed_fibres_vanish_in_a_furnace() {
-    let scene = furnace(|fibres| AnyMedium::VirtualFibres(packed(true, fibres)));
-    let settings = settings(0..samples(), u32::MAX);
-    let (film, stats) = by_cells(&scene, &settings, Backend::widest());
-    assert!(stats.collisions > stats.paths, "{stats:?}");
-    // The balance of the lobes keeps energy to 1e-3 an event.
-    for (mean, error) in film.mean() {
-        // Margin: 3e-3 is for the tables of the lobes, the rest four standard errors.
-        assert!((mean - 1.0).abs() < 3e-3 + 4.0 * error, "{mean} +- {error}");
-    }
+    assert_furnace_is_white(&furnace(|fibres| {
+        AnyMedium::VirtualFibres(packed(true, fibres))
+    }));
 }
 
-/// Memory is counted before it is taken, and laying out without events is refused.
 #[test]
-fn packed_fibres_are_refused_where_they_do_not_fit() {
-    let flat = Projection::Orthographic { width_mm: 0.4 };
-    let scene = scene(cloth(true), parallel(), flat);
-    let settings = settings(0..1, 1);
-    let refused = engine(&scene, &settings, EngineChoice::Fastest, 1000).err();
-    let refused = refused.map(|e| e.to_string()).unwrap_or_default();
-    assert!(refused.contains("more than 1000"), "{refused}");
-    let refused = flatten(&scene, &settings, 1 << 30).err();
+fn packed_fibres_are_not_laid_out_without_events() {
+    let scene = scene(cloth(true), parallel(), wide(0.4));
+    let refused = flatten(&scene, &settings(0..1, 1), 1 << 30).err();
     assert_eq!(refused, Some(KernelRefusal::Packed));
 }
 
 #[test]
 fn hybrid_fibres_agree_with_the_general_walk() {
-    let flat = Projection::Orthographic { width_mm: 0.4 };
+    let flat = wide(0.4);
     let mut cut = hybrid(true, 2, f32::INFINITY);
     cut.cut_to(Vec2::new(-0.05, -0.11), Vec2::new(0.45, 0.23))
         .unwrap();
@@ -226,7 +191,7 @@ fn hybrid_fibres_agree_with_the_general_walk() {
 /// once see the volume's picture.
 #[test]
 fn hybrid_fibres_end_in_explicit_and_packed_ones() {
-    let flat = Projection::Orthographic { width_mm: 0.4 };
+    let flat = wide(0.4);
     let under = |lights, medium, samples| {
         let scene = scene(medium, lights, flat);
         by_cells(&scene, &settings(0..samples, u32::MAX), Backend::widest()).0
@@ -240,14 +205,9 @@ fn hybrid_fibres_end_in_explicit_and_packed_ones() {
     others.seed = 10;
     let scene = scene(never(), parallel(), flat);
     let (film, _) = by_cells(&scene, &others, Backend::widest());
-    let (spread, mean) = agree(&film, &explicit);
-    let p = spread.p_value.min(mean.p_value);
-    assert!(p > 1e-4, "seeds 9 and 10: {spread:?}, {mean:?}");
+    assert_agree("never, seed 10 against", &film, &explicit);
     let at_once = picture(hybrid(true, 0, f32::INFINITY), samples());
-    let (spread, mean) = agree(&at_once, &picture(cloth(true), samples()));
-    let p = spread.p_value.min(mean.p_value);
-    assert!(p > 1e-4, "seed 9: {spread:?}, {mean:?}");
+    assert_agree("at once", &at_once, &picture(cloth(true), samples()));
     // The known-bad twin: explicit fibres.
-    let (spread, mean) = agree(&at_once, &explicit);
-    assert!(spread.p_value.min(mean.p_value) < 1e-9, "seed 9");
+    assert!(least_p(&at_once, &explicit) < 1e-9, "seed 9");
 }

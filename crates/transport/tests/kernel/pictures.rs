@@ -1,6 +1,8 @@
 //! Pictures around the scene: the kernel against the walk.
 
-use crate::kernel::{agree, cloth, film, flat_scene, grid, lens, samples, scene, settings, walker};
+use crate::kernel::{
+    PINHOLE, cloth, film, flat_scene, grid, least_p, lens, samples, scene, settings, walked, walker,
+};
 use organza_kernel::proofs::Fault;
 use organza_testing::environment_with_lamps;
 use organza_transport::*;
@@ -15,21 +17,19 @@ pub(crate) fn picture() -> Light {
 
 #[test]
 fn pictures_light_the_kernel_as_the_walk() {
-    let pinhole = Projection::Perspective { fov_rad: 0.25 };
     for (name, medium, projection) in [
-        ("finite", AnyMedium::Grid(grid(false)), pinhole),
+        ("finite", AnyMedium::Grid(grid(false)), PINHOLE),
         ("endless", AnyMedium::Grid(grid(true)), lens()),
-        ("mixtures", AnyMedium::FlakeOctree(cloth()), pinhole),
+        ("mixtures", AnyMedium::FlakeOctree(cloth()), PINHOLE),
     ] {
         let scene = scene(medium, vec![picture()], projection);
         let settings = settings(0..samples(), u32::MAX);
-        let (oracle, _) = film(&scene, &settings, None);
+        let (oracle, _) = walked(&scene, &settings);
         let good = |flat: FlatScene| {
             let engine = walker(flat, Backend::widest());
-            let (film, stats) = film(&scene, &settings, Some(engine));
+            let (film, stats) = film(&scene, &settings, engine);
             assert_eq!(stats.rejected + stats.majorant_violations, 0, "{name}");
-            let (spread, mean) = agree(&film, &oracle);
-            (spread.p_value.min(mean.p_value), stats)
+            (least_p(&film, &oracle), stats)
         };
         let made = || flat_scene(&scene, &settings);
         let (p, stats) = good(made());

@@ -3,10 +3,10 @@
 use crate::kernel::explicit_fibres::{by_cells, cut, fibres_of};
 use crate::kernel::packed_fibres::packed;
 use crate::kernel::pictures::picture;
-use crate::kernel::several_cloths;
 use crate::kernel::virtual_fibres::silk_and_cotton;
 use crate::kernel::{
-    furnace, lens, panels, parallel, record, scene, settings, sky, vector_backends,
+    FLAT, furnace, lens, panels, parallel, record, scene, settings, several_cloths, sky,
+    vector_backends, wide,
 };
 use glam::DVec3;
 use organza_basis::{Moments, hypothesis::t_test};
@@ -44,7 +44,7 @@ fn by_cache(
 }
 
 fn scenes() -> Vec<(&'static str, Scene)> {
-    let flat = Projection::Orthographic { width_mm: 0.4 };
+    let flat = wide(0.4);
     let cloth = |repeats| fibres_of(repeats, silk_and_cotton());
     let mut all = vec![
         ("endless", scene(cloth(true), parallel(), flat)),
@@ -166,12 +166,11 @@ fn all_learn_the_same() {
 /// whole paths, nothing is learned at later fibres, and all back ends and threads use it alike.
 #[test]
 fn kept_light_serves_another_camera() {
-    let flat = Projection::Orthographic { width_mm: 0.3 };
     let cloth = |repeats| fibres_of(repeats, silk_and_cotton());
     let mut views = vec![(
         "sky",
         scene(cloth(true), sky(), lens()),
-        scene(cloth(true), sky(), flat),
+        scene(cloth(true), sky(), FLAT),
     )];
     let draped = || several_cloths::scenes().remove(0);
     let mut moved = draped().1;
@@ -199,7 +198,7 @@ fn kept_light_serves_another_camera() {
             let bytes = rendering.kept_light().unwrap().to_bytes();
             let light = KeptLight::from_bytes(&bytes).unwrap();
             let other = AnyMedium::VirtualFibres(packed(true, silk_and_cotton()));
-            let other = scene(other, sky(), flat);
+            let other = scene(other, sky(), FLAT);
             let other = engine(&other, &settings, named, u64::MAX).unwrap();
             assert!(!other.takes_light(&light), "{name}, {mode:?}");
             let kept = CachePlan {

@@ -2,18 +2,17 @@
 
 use crate::kernel::pictures::picture;
 use crate::kernel::{
-    agree, film, flat_scene, kernel, lens, panels, parallel, samples, scene, settings, sky,
-    vector_backends, walker,
+    FLAT, PINHOLE, assert_agree, assert_back_ends_alike, assert_same_events, by_kernel, film,
+    flat_scene, least_p, lens, panels, parallel, samples, scene, settings, sky, walked, walker,
 };
+use crate::scenes::{octree, white_sky};
 use glam::UVec3;
-use organza_basis::{PathRng, Rgb, unwatched, warp};
+use organza_basis::{PathRng, Rgb, warp};
 use organza_kernel::proofs::Fault;
 use organza_kernel::{Matter, Refusal, Scatterers};
 use organza_scatter::{Fibre, FittedFibre, FittedParameters};
-use organza_testing::little_weave;
-use organza_testing::{dielectric_fibre, fitted_fibre};
+use organza_testing::{dielectric_fibre, fitted_fibre, little_weave};
 use organza_transport::*;
-use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
 
 fn dielectric(absorption: [f32; 3], longitudinal_deg: f32, azimuthal_deg: f32) -> Fibre {
     let [longitudinal_rad, azimuthal_rad] = [longitudinal_deg, azimuthal_deg].map(f32::to_radians);
@@ -27,13 +26,7 @@ pub(crate) fn cloth(fibres: Vec<Fibre>, event: VirtualFibreEvent) -> VirtualFibr
 
 /// The same at a level, whose coarse voxels keep their outlines.
 fn cloth_at(level: u8, fibres: Vec<Fibre>, event: VirtualFibreEvent) -> VirtualFibreMedium {
-    let options = VoxelizeOptions {
-        voxel_mm: 0.02,
-        levels: Some(2.max(1 + level)),
-        footprint: FibreFootprint::Axis,
-        max_memory_bytes: None,
-    };
-    let octree = voxelize(&little_weave(0.015, 1), &options, &unwatched).unwrap();
+    let octree = octree(&little_weave(0.015, 1), 0.02, 2.max(1 + level));
     VirtualFibreMedium::new(octree, level, fibres, event).unwrap()
 }
 
@@ -42,6 +35,11 @@ pub(crate) fn silk_and_cotton() -> Vec<Fibre> {
         dielectric([0.02, 0.1, 0.5], 5.0, 10.0),
         fitted_fibre("gabardine"),
     ]
+}
+
+/// The same, with the materials of the two exchanged.
+pub(crate) fn cotton_and_silk() -> Vec<Fibre> {
+    silk_and_cotton().into_iter().rev().collect()
 }
 
 /// What the kernel is given of fibres, against the medium's own extinction.
@@ -88,29 +86,22 @@ fn described_fibres_are_the_medium() {
 /// Pictures of the kernel and of the walk; the twin has others of the fibres.
 #[test]
 fn the_kernel_agrees_with_the_walk_through_fibres() {
-    let flat = Projection::Orthographic { width_mm: 0.3 };
-    let pinhole = Projection::Perspective { fov_rad: 0.25 };
     let pictures = vec![picture()];
     for (name, level, lights, projection) in [
-        ("parallel", 0, parallel(), pinhole),
+        ("parallel", 0, parallel(), PINHOLE),
         ("sky", 0, sky(), lens()),
-        ("panels", 0, panels(), flat),
-        ("picture", 0, pictures, flat),
-        ("coarse", 2, sky(), flat),
+        ("panels", 0, panels(), FLAT),
+        ("picture", 0, pictures, FLAT),
+        ("coarse", 2, sky(), FLAT),
     ] {
         let medium = cloth_at(level, silk_and_cotton(), VirtualFibreEvent::Plain);
         let scene = scene(AnyMedium::VirtualFibres(medium), lights, projection);
         let settings = settings(0..samples(), u32::MAX);
-        let made = kernel(&scene, &settings, Backend::widest());
-        let (a, stats) = film(&scene, &settings, Some(made));
-        let (b, of_walk) = film(&scene, &settings, None);
+        let (a, stats) = by_kernel(&scene, &settings);
+        let (b, of_walk) = walked(&scene, &settings);
         assert_eq!(stats.rejected + stats.majorant_violations, 0, "{name}");
-        let (spread, mean) = agree(&a, &b);
-        assert!(spread.p_value > 1e-4, "{name}, seed 9: pixels {spread:?}");
-        assert!(mean.p_value > 1e-4, "{name}, seed 9: mean {mean:?}");
-        let per_path = |s: &Stats| s.collisions as f64 / s.paths as f64;
-        let (m, n) = (per_path(&stats), per_path(&of_walk));
-        assert!((m / n - 1.0).abs() < 0.05, "{name}: {m}, {n} events a path");
+        assert_agree(name, &a, &b);
+        assert_same_events(name, &stats, &of_walk);
 
         let others = [
             dielectric([0.0; 3], 6.0, 10.0),
@@ -118,9 +109,7 @@ fn the_kernel_agrees_with_the_walk_through_fibres() {
         ];
         let twin = flat_scene(&scene, &settings).with_fault(Fault::Fibres(&others));
         let twin = walker(twin, Backend::widest());
-        let (c, _) = film(&scene, &settings, Some(twin));
-        let (spread, mean) = agree(&c, &b);
-        let least = spread.p_value.min(mean.p_value);
+        let least = least_p(&film(&scene, &settings, twin).0, &b);
         // Margin: the probability at which the twin is rejected.
         assert!(least < 1e-9, "{name}, seed 9: twin {least}");
     }
@@ -138,15 +127,13 @@ fn white_fibres_vanish_under_even_light() {
         vec![dielectric([0.0; 3], 6.0, 10.0), white],
         VirtualFibreEvent::Plain,
     );
-    let light = Light::from(EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere: Hemisphere::All,
-    });
-    let flat = Projection::Orthographic { width_mm: 0.3 };
-    let scene = scene(AnyMedium::VirtualFibres(medium), vec![light], flat);
+    let scene = scene(
+        AnyMedium::VirtualFibres(medium),
+        vec![white_sky(Hemisphere::All)],
+        FLAT,
+    );
     let settings = settings(0..8 * samples(), u32::MAX);
-    let made = kernel(&scene, &settings, Backend::widest());
-    let (film, stats) = film(&scene, &settings, Some(made));
+    let (film, stats) = by_kernel(&scene, &settings);
     assert!(stats.collisions > stats.paths);
     for (mean, error) in film.mean() {
         let apart = (mean - 1.0).abs();
@@ -162,28 +149,19 @@ fn back_ends_give_the_same_bits_through_fibres() {
     lights.push(picture());
     let medium = cloth(silk_and_cotton(), VirtualFibreEvent::Plain);
     let scene = scene(AnyMedium::VirtualFibres(medium), lights, lens());
-    let settings = settings(0..6, 40);
-    let of = |backend| film(&scene, &settings, Some(kernel(&scene, &settings, backend)));
-    let one = of(Backend::Scalar);
-    for backend in vector_backends() {
-        assert!(of(backend) == one, "{backend:?}");
-    }
+    assert_back_ends_alike("fibres", &scene);
 }
 
 #[test]
 fn rough_fibres_are_left_to_the_walk() {
-    let flat = Projection::Orthographic { width_mm: 0.3 };
     let refused = |blur_deg: f32| {
         let fibres = vec![
             dielectric([0.0; 3], 6.0, 10.0),
             dielectric([0.0; 3], blur_deg, 60.0),
         ];
         let medium = AnyMedium::VirtualFibres(cloth(fibres, VirtualFibreEvent::Plain));
-        let made = flatten(
-            &scene(medium, parallel(), flat),
-            &settings(0..4, u32::MAX),
-            u64::MAX,
-        );
+        let scene = scene(medium, parallel(), FLAT);
+        let made = flatten(&scene, &settings(0..4, u32::MAX), u64::MAX);
         matches!(made, Err(KernelRefusal::Kernel(Refusal::Skewed)))
     };
     assert!(!refused(15.0) && refused(30.0));

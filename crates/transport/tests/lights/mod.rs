@@ -4,17 +4,15 @@
 mod pictures;
 mod planes;
 
+use crate::scenes::{orthographic, rendered, sun, white_sky};
 use glam::{DVec3, UVec2, UVec3, Vec3};
 use organza_basis::quadrature::gauss_legendre;
 use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, Sym3};
 use organza_transport::{
-    AnyMedium, Camera, CameraPose, DirectionalLight, EnvironmentLight, Grid, GridMedium,
-    Hemisphere, ImageEnvironment, ImageLight, Integrator, Interpolation, Light, LightSearch,
-    PixelFilter, Plane, Projection, RectangleLight, RenderSettings, Scene, SpotLight, Stats,
-    render,
+    AnyMedium, Grid, GridMedium, Hemisphere, ImageEnvironment, ImageLight, Integrator,
+    Interpolation, Light, LightSearch, Plane, RectangleLight, Scene, SpotLight, Stats,
 };
 use std::f64::consts::PI;
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
 const SEARCHES: [LightSearch; 3] = [
@@ -46,17 +44,10 @@ fn tilted() -> Sym3 {
 
 /// Orthographic, looking down at the origin from 2 mm above.
 fn looking_down(media: Vec<AnyMedium>, lights: Vec<Light>, width_mm: f64) -> Scene {
-    let pose = CameraPose {
-        origin_mm: DVec3::new(0.0, 0.0, 2.0),
-        target_mm: DVec3::ZERO,
-        up: DVec3::Y,
-    };
-    let projection = Projection::Orthographic { width_mm };
-    let camera = Camera::new(projection, pose, UVec2::splat(16), PixelFilter::Box);
     Scene {
         media,
         lights,
-        camera: camera.unwrap(),
+        camera: orthographic(2.0 * DVec3::Z, DVec3::ZERO, width_mm, 16),
     }
 }
 
@@ -73,16 +64,9 @@ fn mean(
     spp: u64,
     seed: u64,
 ) -> (f64, f64) {
-    let settings = RenderSettings {
-        integrator,
-        samples: 0..full(spp),
-        max_bounces,
-        seed,
-        crop: None,
-    };
-    let (film, stats) = render(scene, &settings, &|_| ControlFlow::Continue(())).unwrap();
-    assert_eq!(stats.rejected, 0);
-    film.mean()[0]
+    rendered(scene, integrator, full(spp), max_bounces, seed)
+        .0
+        .mean()[0]
 }
 
 /// Distance of two estimates in standard errors of their difference.
@@ -336,10 +320,7 @@ fn a_distant_point_light_is_parallel() {
         let intensity = Rgb::splat(scale * distance * distance);
         Light::from(SpotLight::point(distance * toward, intensity))
     };
-    let sun = Light::from(DirectionalLight {
-        direction: -toward,
-        irradiance: Rgb::WHITE,
-    });
+    let sun = sun(-toward, 1.0);
     let (sun, near) = (under(sun, 162), under(point(1.0), 163));
     assert!(apart(sun, near) < 4.0, "seeds 162, 163: {sun:?} {near:?}");
     let twin = under(point(0.9), 164);

@@ -25,10 +25,7 @@ fn image_light(size: UVec2, search: LightSearch, pixel: impl Fn(u32, u32) -> f32
 #[test]
 fn a_constant_picture_is_a_constant_environment() {
     let size = UVec2::new(32, 16);
-    let environment = Light::from(EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere: Hemisphere::All,
-    });
+    let environment = white_sky(Hemisphere::All);
     let under = |light, albedo, seed| {
         let scene = looking_down(vec![slab(20.0, albedo, tilted(), true)], vec![light], 0.1);
         mean(&scene, Integrator::Woodcock, u32::MAX, 32, seed)
@@ -81,12 +78,7 @@ fn one_bright_pixel_is_a_directional_light() {
             vector += e * w;
         }
     }
-    let sun = |scale: f64| {
-        Light::from(DirectionalLight {
-            direction: -vector.normalize().as_vec3(),
-            irradiance: Rgb::splat((scale * irradiance) as f32),
-        })
-    };
+    let sun = |scale: f64| sun(-vector.as_vec3(), (scale * irradiance) as f32);
     let under = |light, seed| {
         let scene = looking_down(vec![slab(20.0, 0.8, tilted(), true)], vec![light], 0.1);
         mean(&scene, Integrator::Woodcock, u32::MAX, 100, seed)

@@ -10,24 +10,18 @@ fn planes_close_the_furnace_from_behind() {
         let (r, l) = (Rgb::splat(reflectance), Rgb::splat(radiance));
         AnyMedium::Plane(Plane::new(Vec3::new(0.0, 0.0, -0.3), Vec3::Z, r, l).unwrap())
     };
-    let half = |hemisphere| {
-        Light::from(EnvironmentLight {
-            radiance: Rgb::WHITE,
-            hemisphere,
-        })
-    };
     let of = |media, lights, seed| {
         let scene = looking_down(media, lights, 0.1);
         mean(&scene, Integrator::Woodcock, u32::MAX, 32, seed)
     };
     let cloth = |albedo| slab(12.0, albedo, tilted(), true);
-    let back = of(vec![cloth(0.9)], vec![half(Hemisphere::Back)], 140);
+    let back = of(vec![cloth(0.9)], vec![white_sky(Hemisphere::Back)], 140);
     let table = of(vec![cloth(0.9), plane(0.0, 1.0)], vec![], 141);
     assert!(
         apart(back, table) < 4.0,
         "seeds 140, 141: {back:?} {table:?}"
     );
-    let front = || vec![half(Hemisphere::Front)];
+    let front = || vec![white_sky(Hemisphere::Front)];
     let closed = of(vec![cloth(1.0), plane(1.0, 0.0)], front(), 142);
     let twin = of(vec![cloth(1.0), plane(0.9, 0.0)], front(), 143);
     let off = |m: (f64, f64)| (m.0 - 1.0).abs() / (4.0 * m.1 + 1e-5);
@@ -46,11 +40,8 @@ fn a_diffuse_plane_scatters_by_lamberts_law() {
         let made = Plane::new(Vec3::ZERO, Vec3::Z, Rgb::splat(0.6), Rgb::BLACK);
         AnyMedium::Plane(made.unwrap())
     };
-    let sun = Light::from(DirectionalLight {
-        direction: Vec3::new(0.6, 0.0, -0.8),
-        irradiance: Rgb::splat(2.0),
-    });
-    let scene = looking_down(vec![plane()], vec![sun], 0.1);
+    let from_above = sun(Vec3::new(0.6, 0.0, -0.8), 2.0);
+    let scene = looking_down(vec![plane()], vec![from_above], 0.1);
     let got = mean(&scene, Integrator::Woodcock, u32::MAX, 64, 150);
     let expected = 0.6 / PI * 2.0 * 0.8;
     // Margin: four standard errors, and rounding.
@@ -58,10 +49,7 @@ fn a_diffuse_plane_scatters_by_lamberts_law() {
         (got.0 - expected).abs() < 4.0 * got.1 + 1e-5,
         "seed 150: {got:?} for {expected}"
     );
-    let from_below = Light::from(DirectionalLight {
-        direction: Vec3::Z,
-        irradiance: Rgb::WHITE,
-    });
+    let from_below = sun(Vec3::Z, 1.0);
     let scene = looking_down(vec![plane()], vec![from_below], 0.1);
     assert_eq!(mean(&scene, Integrator::Woodcock, u32::MAX, 4, 151).0, 0.0);
     // A panel of 2 x 2 mm facing the plane from 1 mm above: the form factor to

@@ -12,7 +12,9 @@ pub mod vol;
 use self::grid_set::GridSet;
 use self::ovox::{SourceFile, Stored};
 use crate::{Error, Octree};
+use glam::UVec3;
 use organza_basis::{Aabb, Budget, MergedFlakes, Mixture};
+use serde_json::{Value, json};
 use std::io::Write;
 
 /// Every format, the native one first.
@@ -31,7 +33,7 @@ pub struct Format {
     /// The options for writing it.
     pub options: &'static [WriteOption],
     /// Describes the contents of a file, for `info`.
-    pub describe: fn(&Source<'_>, &mut Budget) -> Result<serde_json::Value, Error>,
+    pub describe: fn(&Source<'_>, &mut Budget) -> Result<Value, Error>,
     /// Reads a volume to render.
     pub read: fn(&Source<'_>, &mut Budget) -> Result<Volume, Error>,
     /// Memory that [`Format::write`] and its files take for an octree, bytes. Where nothing
@@ -105,8 +107,29 @@ pub enum Volume {
 }
 
 /// A box in a description.
-pub(crate) fn box_of(b: &Aabb) -> serde_json::Value {
-    serde_json::json!({ "min_mm": b.min.to_array(), "max_mm": b.max.to_array() })
+pub(crate) fn box_of(b: &Aabb) -> Value {
+    json!({ "min_mm": b.min.to_array(), "max_mm": b.max.to_array() })
+}
+
+/// A grid of values, channel fastest, of which there are `channels`: size, box and the range of
+/// each channel.
+fn described(kind: &str, channels: Value, data: &[f32], dims: UVec3, bounds_mm: &Aabb) -> Value {
+    let count = data.len() / dims.as_usizevec3().element_product();
+    let range = |c: usize| {
+        let values = data.iter().skip(c).step_by(count);
+        let (lo, hi) = values.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), &v| {
+            (lo.min(v), hi.max(v))
+        });
+        json!([lo, hi])
+    };
+    json!({
+        "kind": kind,
+        "resolution": dims.to_array(),
+        "channels": channels,
+        "box": box_of(bounds_mm),
+        "voxel_mm": (bounds_mm.size() / dims.as_vec3()).to_array(),
+        "range": (0..count).map(range).collect::<Vec<_>>(),
+    })
 }
 
 /// Reads a file of a folder by its name, up to a number of bytes. `None` when there is no such

@@ -7,7 +7,7 @@
 //! with four values per cell are density and orientation. Samples stand for cells. A file
 //! without a space has cells of its spacings, or of 1 mm, and begins at the origin.
 
-use super::{Format, Part, Volume, Voxels, WriteOption, box_of};
+use super::{Format, Part, Volume, Voxels, WriteOption, described};
 use crate::{Error, GridSet, VolGrid};
 use flate2::Compression;
 use flate2::read::MultiGzDecoder;
@@ -344,21 +344,13 @@ fn spaced(spacings: Option<&str>, skips_first: bool) -> Option<(DVec3, DVec3)> {
 
 impl Array {
     fn describe(&self) -> Value {
-        let range = |c: usize| {
-            let values = self.data.iter().skip(c).step_by(self.channels.len());
-            let (lo, hi) = values.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), &v| {
-                (lo.min(v), hi.max(v))
-            });
-            json!([lo, hi])
-        };
-        json!({
-            "kind": "array",
-            "resolution": self.dims.to_array(),
-            "box": box_of(&self.bounds_mm),
-            "voxel_mm": (self.bounds_mm.size() / self.dims.as_vec3()).to_array(),
-            "channels": self.channels,
-            "range": (0..self.channels.len()).map(range).collect::<Vec<_>>(),
-        })
+        described(
+            "array",
+            json!(self.channels),
+            &self.data,
+            self.dims,
+            &self.bounds_mm,
+        )
     }
 
     /// The known channels, each kind as a grid.

@@ -8,7 +8,7 @@
 //! `tile.albedo.vol`, which `tile.vol` or the first stands for.
 
 use super::grid_set::GridSet;
-use super::{Format, Part, Source, Volume, Voxels, WriteOption};
+use super::{Format, Part, Source, Volume, Voxels, WriteOption, described};
 use crate::Error;
 use glam::{UVec3, Vec3};
 use organza_basis::{Aabb, Budget};
@@ -241,23 +241,14 @@ impl VolGrid {
 }
 
 impl VolGrid {
-    /// Sizes, box and the range of each channel.
     fn describe(&self) -> Value {
-        let range = |c: usize| {
-            let values = self.data.iter().skip(c).step_by(self.channels as usize);
-            let (lo, hi) = values.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), &v| {
-                (lo.min(v), hi.max(v))
-            });
-            json!([lo, hi])
-        };
-        json!({
-            "kind": "grid",
-            "resolution": self.dims.to_array(),
-            "channels": self.channels,
-            "box": super::box_of(&self.bounds_mm),
-            "voxel_mm": (self.bounds_mm.size() / self.dims.as_vec3()).to_array(),
-            "range": (0..self.channels as usize).map(range).collect::<Vec<_>>(),
-        })
+        described(
+            "grid",
+            json!(self.channels),
+            &self.data,
+            self.dims,
+            &self.bounds_mm,
+        )
     }
 }
 

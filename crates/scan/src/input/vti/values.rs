@@ -4,7 +4,7 @@ use super::{FORMAT, ReadSeek};
 use crate::ScanError;
 use flate2::read::ZlibDecoder;
 use organza_basis::Budget;
-use std::io::{Cursor, Read, Seek, SeekFrom};
+use std::io::{Read, SeekFrom};
 
 /// Largest block of packed values, bytes.
 const MAX_BLOCK: u64 = 64 << 20;
@@ -37,16 +37,21 @@ impl Header {
     }
 }
 
-/// Bytes of an array, read from anywhere in it.
-enum Bytes<S> {
-    /// As they are, from this place on.
-    Plain(S, u64),
+/// Where bytes are read from: the file, or memory.
+type Source = Box<dyn ReadSeek>;
+
+/// The values of an array, read from anywhere in it.
+pub enum Values {
+    /// As numbers.
+    Floats(Vec<f32>),
+    /// As bytes, from this place on.
+    Plain(Source, u64),
     /// In blocks.
-    Packed(S, Blocks),
+    Packed(Source, Blocks),
 }
 
 /// Blocks of packed values.
-struct Blocks {
+pub struct Blocks {
     /// Bytes of an unpacked block; the last may have fewer.
     size: u64,
     /// Bytes of the whole array.
@@ -59,18 +64,9 @@ struct Blocks {
     stored: Vec<u8>,
 }
 
-/// The values of an array.
-pub struct Values<R>(Kind<R>);
-
-enum Kind<R> {
-    Floats(Vec<f32>),
-    File(Bytes<R>),
-    Memory(Bytes<Cursor<Vec<u8>>>),
-}
-
-impl<R: ReadSeek> Values<R> {
+impl Values {
     /// Numbers as text.
-    pub fn ascii(text: &[u8], count: usize) -> Result<Values<R>, ScanError> {
+    pub fn ascii(text: &[u8], count: usize) -> Result<Values, ScanError> {
         let text = std::str::from_utf8(text)
             .map_err(|e| ScanError::format(FORMAT, format!("its values: {e}")))?;
         let mut values = Vec::with_capacity(count);
@@ -88,57 +84,20 @@ impl<R: ReadSeek> Values<R> {
             let problem = format!("holds {} values; expected {count}", values.len());
             return Err(ScanError::format(FORMAT, problem));
         }
-        Ok(Values(Kind::Floats(values)))
+        Ok(Values::Floats(values))
     }
 
-    /// Decoded bytes that begin with the header.
-    pub fn memory(
-        bytes: Cursor<Vec<u8>>,
-        header: &Header,
-        budget: &mut Budget,
-    ) -> Result<Values<R>, ScanError> {
-        Bytes::new(bytes, 0, header, budget).map(|b| Values(Kind::Memory(b)))
-    }
-
-    /// The file itself; its header is at `start`.
-    pub fn file(
-        file: R,
+    /// Bytes of which the header is at `start`.
+    pub fn bytes(
+        mut source: Source,
         start: u64,
         header: &Header,
         budget: &mut Budget,
-    ) -> Result<Values<R>, ScanError> {
-        Bytes::new(file, start, header, budget).map(|b| Values(Kind::File(b)))
-    }
-
-    /// The numbers, where they are in memory.
-    pub fn floats(&self) -> Option<&[f32]> {
-        match &self.0 {
-            Kind::Floats(values) => Some(values),
-            _ => None,
-        }
-    }
-
-    /// The bytes from `at` on, which belong to a slice.
-    pub fn read(&mut self, at: u64, out: &mut [u8], slice: u32) -> Result<(), ScanError> {
-        match &mut self.0 {
-            Kind::File(b) => b.read(at, out, slice),
-            Kind::Memory(b) => b.read(at, out, slice),
-            Kind::Floats(_) => Ok(()),
-        }
-    }
-}
-
-impl<S: Read + Seek> Bytes<S> {
-    fn new(
-        mut source: S,
-        start: u64,
-        header: &Header,
-        budget: &mut Budget,
-    ) -> Result<Bytes<S>, ScanError> {
+    ) -> Result<Values, ScanError> {
         let ends = |e| ScanError::read(FORMAT, "the header of its values", e);
         let end = source.seek(SeekFrom::End(0))?;
         source.seek(SeekFrom::Start(start))?;
-        let word = |source: &mut S| -> Result<u64, ScanError> {
+        let word = |source: &mut Source| -> Result<u64, ScanError> {
             let mut bytes = [0u8; 8];
             let own = &mut bytes[..header.word_bytes() as usize];
             source.read_exact(own).map_err(ends)?;
@@ -158,7 +117,7 @@ impl<S: Read + Seek> Bytes<S> {
                 );
                 return Err(ScanError::format(FORMAT, problem));
             }
-            return Ok(Bytes::Plain(source, begin));
+            return Ok(Values::Plain(source, begin));
         }
         let (size, last) = (word(&mut source)?, word(&mut source)?);
         let tail = if last == 0 { size } else { last };
@@ -194,18 +153,20 @@ impl<S: Read + Seek> Bytes<S> {
             unpacked: Vec::new(),
             stored: Vec::new(),
         };
-        Ok(Bytes::Packed(source, blocks))
+        Ok(Values::Packed(source, blocks))
     }
 
-    fn read(&mut self, at: u64, out: &mut [u8], slice: u32) -> Result<(), ScanError> {
+    /// Bytes from `at` on, which belong to a slice; nothing of numbers.
+    pub fn read(&mut self, at: u64, out: &mut [u8], slice: u32) -> Result<(), ScanError> {
         match self {
-            Bytes::Plain(source, start) => {
+            Values::Floats(_) => Ok(()),
+            Values::Plain(source, start) => {
                 source.seek(SeekFrom::Start(*start + at))?;
                 let place = format!("slice {}", slice + 1);
                 let read = source.read_exact(out);
                 read.map_err(|e| ScanError::read(FORMAT, &place, e))
             }
-            Bytes::Packed(source, blocks) => {
+            Values::Packed(source, blocks) => {
                 let mut done = 0;
                 while done < out.len() {
                     let place = at + done as u64;
@@ -224,7 +185,7 @@ impl<S: Read + Seek> Bytes<S> {
 
 impl Blocks {
     /// Unpacks a block unless it is present.
-    fn unpack<S: Read + Seek>(&mut self, source: &mut S, block: u64) -> Result<(), ScanError> {
+    fn unpack(&mut self, source: &mut Source, block: u64) -> Result<(), ScanError> {
         if self.present == Some(block) {
             return Ok(());
         }

@@ -3,8 +3,8 @@
 use super::{ExplicitFibres, Found};
 use crate::SiteInfo;
 use glam::Vec3;
-use organza_basis::{PathRng, Rgb};
-use organza_scatter::{Fibre, FibreFrame, Lobe, LobeSample, NearEvent, NearField};
+use organza_basis::PathRng;
+use organza_scatter::{Fibre, FibreFrame, NearEvent, NearField};
 
 /// Where a ray meets a fibre.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,28 +51,14 @@ impl ExplicitFibres {
         &self.fibres[usize::from(self.curves.curve_of(piece).material)]
     }
 
-    fn near(&self, hit: &FibreHit) -> NearField<'_> {
+    /// What light does at a hit.
+    pub(crate) fn near(&self, hit: &FibreHit) -> NearField<'_> {
         self.fibre(hit.piece).near_field_of(hit.near)
-    }
-
-    /// Light scattered, per arriving radiance and steradian.
-    pub fn eval(&self, hit: &FibreHit, w_out: Vec3, w_in: Vec3) -> Rgb {
-        self.near(hit).eval(w_out, w_in)
-    }
-
-    /// Draws where light comes from.
-    pub fn sample(&self, hit: &FibreHit, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
-        self.near(hit).sample(w_out, rng)
-    }
-
-    /// Density of [`ExplicitFibres::sample`], 1/sr.
-    pub fn pdf(&self, hit: &FibreHit, w_out: Vec3, w_in: Vec3) -> f32 {
-        self.near(hit).pdf(w_out, w_in)
     }
 
     /// From the point met to where light leaves toward `w_in`, by a lobe drawn in
     /// proportion to what it sends there, mm.
-    pub fn exit_mm(&self, hit: &FibreHit, _w_out: Vec3, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
+    pub(crate) fn exit_mm(&self, hit: &FibreHit, w_in: Vec3, rng: &mut PathRng) -> Vec3 {
         let normal = self.near(hit).exit_normal(w_in, rng);
         hit.to_axis_mm + hit.radius_mm * normal
     }
@@ -88,7 +74,7 @@ impl ExplicitFibres {
     }
 
     /// What to show of a hit.
-    pub fn info(&self, hit: &FibreHit) -> SiteInfo {
+    pub(crate) fn info(&self, hit: &FibreHit) -> SiteInfo {
         SiteInfo {
             axis: hit.tangent,
             yarn: Some(self.curves.curve_of(hit.piece).yarn),

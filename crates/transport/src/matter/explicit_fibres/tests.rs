@@ -198,7 +198,7 @@ fn offsets_are_those_of_the_cylinder_and_exits_lie_on_it() {
         let mut rng = PathRng::from_seed(14);
         for _ in 0..50 {
             let w_in = warp::uniform_sphere(rng.unit2());
-            let exit = ray.at(t).as_vec3() + traced.exit_mm(&hit, -d, w_in, &mut rng);
+            let exit = ray.at(t).as_vec3() + traced.exit_mm(&hit, w_in, &mut rng);
             let rho = exit.yz();
             assert!((rho.length() - 0.1).abs() < 32.0 * f32::EPSILON, "{exit}");
             assert!(rho.dot(w_in.yz()) > -1e-5, "{exit} {w_in}");

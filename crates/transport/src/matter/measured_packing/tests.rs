@@ -1,20 +1,14 @@
 use super::*;
 use organza_basis::curve::{Segment, SegmentList, Tile};
 use organza_basis::{Aabb, unwatched};
-use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
+use organza_scatter::Fibre;
 use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
 use std::f32::consts::PI;
 
 const RADIUS_MM: f32 = 0.008;
 
 fn clear() -> Fibre {
-    let parameters = DielectricParameters {
-        ior: 1.55,
-        absorption_radii: Rgb::splat(0.02),
-        longitudinal_rad: 0.1,
-        azimuthal_rad: 0.2,
-    };
-    Fibre::from(DielectricFibre::new(parameters).unwrap())
+    organza_testing::dielectric_fibre(Rgb::splat(0.02), 0.1, 0.2)
 }
 
 /// Fibres along x through all the tile at places of the y-z plane.

@@ -5,7 +5,7 @@ use crate::Integrator;
 use glam::DVec2;
 use organza_basis::curve::SegmentList;
 use organza_basis::{Aabb, Segment, Tile, unwatched};
-use organza_scatter::{DielectricFibre, DielectricParameters, PlyCorrection};
+use organza_scatter::PlyCorrection;
 
 const FIBRE_MM: f32 = 0.006;
 /// Around all fibres.
@@ -14,13 +14,7 @@ const FIBRES: u32 = 45;
 const HALF_LENGTH_MM: f32 = 3.0;
 
 fn fibre() -> Fibre {
-    let parameters = DielectricParameters {
-        ior: 1.55,
-        absorption_radii: Rgb::new(0.0, 0.02, 0.1),
-        longitudinal_rad: 0.12,
-        azimuthal_rad: 0.3,
-    };
-    Fibre::from(DielectricFibre::new(parameters).unwrap())
+    organza_testing::dielectric_fibre(Rgb::new(0.0, 0.02, 0.1), 0.12, 0.3)
 }
 
 fn tile(repeats: bool) -> Tile {

@@ -2,6 +2,7 @@
 //! OpenVDB writes them.
 
 use flate2::read::ZlibDecoder;
+use lz4_flex::block::decompress_into;
 use std::io::Read;
 
 /// Unpacks a frame that should hold `length` bytes; `None` when it is damaged
@@ -37,7 +38,10 @@ pub fn unpack(frame: &[u8], length: usize) -> Option<Vec<u8>> {
             if packed == wanted {
                 planes.extend(bytes);
             } else if flags >> 5 == 1 {
-                unpack_lz4(bytes, &mut planes, end)?;
+                let start = planes.len();
+                planes.resize(end, 0);
+                let count = decompress_into(bytes, &mut planes[start..]).ok()?;
+                planes.truncate(start + count);
             } else if flags >> 5 == 3 {
                 ZlibDecoder::new(bytes)
                     .take(wanted as u64)
@@ -57,39 +61,4 @@ pub fn unpack(frame: &[u8], length: usize) -> Option<Vec<u8>> {
         }
     }
     Some(out)
-}
-
-/// Appends an LZ4 block until `out` holds `end` bytes.
-fn unpack_lz4(bytes: &[u8], out: &mut Vec<u8>, end: usize) -> Option<()> {
-    let start = out.len();
-    let mut input = bytes.iter().copied();
-    // Lengths of 15 and more go on in further bytes until one is below 255.
-    let whole = |nibble: u8, input: &mut dyn Iterator<Item = u8>| {
-        let mut length = usize::from(nibble);
-        let mut more = if nibble == 15 { 255 } else { 0 };
-        while more == 255 {
-            more = input.next()?;
-            length += usize::from(more);
-        }
-        Some(length)
-    };
-    while let Some(token) = input.next() {
-        let literals = whole(token >> 4, &mut input)?;
-        if literals > end - out.len() {
-            return None;
-        }
-        for _ in 0..literals {
-            out.push(input.next()?);
-        }
-        let Some(low) = input.next() else { break };
-        let back = usize::from(u16::from_le_bytes([low, input.next()?]));
-        let repeat = 4 + whole(token & 15, &mut input)?;
-        if back == 0 || back > out.len() - start || repeat > end - out.len() {
-            return None;
-        }
-        for _ in 0..repeat {
-            out.push(out[out.len() - back]);
-        }
-    }
-    Some(())
 }
