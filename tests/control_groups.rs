@@ -5,6 +5,7 @@
 use crate::cli::write_grid_scene;
 use crate::failing_disk::library;
 use crate::program::folder;
+use organza_testing::assert_contains;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -76,7 +77,7 @@ fn what_a_control_group_leaves_is_a_limit_of_memory() {
         let out = render(&folder, system);
         let said = String::from_utf8_lossy(&out.stderr);
         assert_eq!(out.status.code(), Some(2), "{said}");
-        assert!(said.contains(&format!(" {left} are allowed: ")), "{said}");
+        assert_contains(&said, &format!(" {left} are allowed: "));
         assert!(!folder.join("x.exr").exists());
     }
     // Known bad: without a limit, and with a wide one, the same film is rendered.

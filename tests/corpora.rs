@@ -6,6 +6,7 @@
 mod entries;
 
 use organza_basis::PathRng;
+use organza_testing::assert_contains;
 use std::path::Path;
 
 const SEED: u64 = 0x5eed;
@@ -114,7 +115,7 @@ fn no_damaged_picture_of_another_program_panics_its_reader() {
     };
     assert_eq!(read(PEER.as_bytes(), 2).unwrap(), 1);
     let message = read(PEER.as_bytes(), 3).unwrap_err().to_string();
-    assert!(message.contains("expected 3 pixels, found 2"), "{message}");
+    assert_contains(&message, "expected 3 pixels, found 2");
     for end in 0..PEER.len() {
         assert!(read(&PEER.as_bytes()[..end], 2).is_err(), "cut at {end}");
     }

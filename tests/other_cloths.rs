@@ -2,6 +2,7 @@
 //! finish, nonwovens, nets.
 
 use crate::program::{complaint, exr_channels, folder, succeed};
+use organza_testing::assert_contains;
 use std::path::{Path, PathBuf};
 
 fn fabric(name: &str) -> String {
@@ -86,23 +87,20 @@ fn nonwovens_and_nets_become_curves_and_are_refused_as_surfaces() {
         ];
         let surface = ["one.csv", "--model", "surface", "-o", "out.csv"];
         let words = complaint(&folder, &[&measure[..], &surface].concat());
-        assert!(words.contains("has no [surface] section"), "{words}");
+        assert_contains(&words, "has no [surface] section");
         assert!(!folder.join("out.csv").exists());
     }
     let woven = "[draft]\nweave = \"plain\"\n[nonwoven]\nfibre = \"wool\"\n\
                  areal_density_g_per_m2 = 50.0\nthickness_mm = 0.5\nlength_mm = 20.0\n\
                  tile_mm = [2.0, 2.0]\n";
     std::fs::write(folder.join("both.toml"), woven).unwrap();
-    let words = complaint(&folder, &["info", "both.toml"]);
-    assert!(
-        words.contains("both.toml: draft: a nonwoven has no threads"),
-        "{words}"
-    );
+    let words = complaint(&folder, "info both.toml");
+    assert_contains(&words, "both.toml: draft: a nonwoven has no threads");
     let wrong = woven
         .replace("[draft]\nweave = \"plain\"\n", "")
         .replace("fibre", "fiber");
     std::fs::write(folder.join("wrong.toml"), wrong).unwrap();
-    let words = complaint(&folder, &["info", "wrong.toml"]);
+    let words = complaint(&folder, "info wrong.toml");
     assert!(
         words.contains("fiber") && words.contains("fibre"),
         "{words}"
@@ -175,10 +173,7 @@ fn groove_over_ridge(folder: &Path, set: &[&str]) -> Vec<f64> {
     }
     std::fs::write(folder.join("corduroy.toml"), text).unwrap();
     std::fs::write(folder.join("scene.toml"), scene).unwrap();
-    succeed(
-        folder,
-        &["render", "scene.toml", "-o", "top.exr", "--quiet"],
-    );
+    succeed(folder, "render scene.toml -o top.exr --quiet");
     let channels = exr_channels(&folder.join("top.exr"));
     let (red, width) = (&channels["R"], 64);
     // Ridges of 16 pixels; the grooves lie where two of them meet.

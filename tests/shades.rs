@@ -2,7 +2,7 @@
 //! measured.
 
 use crate::program::{complaint, folder, succeed};
-use organza_testing::sized;
+use organza_testing::{assert_contains, sized};
 use serde_json::Value;
 use std::path::Path;
 
@@ -76,8 +76,7 @@ fn bands_that_cannot_be_seen_are_refused() {
     let folder = folder("shade-refusals");
     let refuse = |words: &[&str], expected: &str| {
         let words = [&["measure"], words, &["-o", "no.csv", "--quiet"]].concat();
-        let said = complaint(&folder, &words);
-        assert!(said.contains(expected), "{said}");
+        assert_contains(&complaint(&folder, &words), expected);
         assert!(!folder.join("no.csv").exists());
     };
     let linen = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/fabrics/linen.toml");
@@ -173,7 +172,7 @@ fn a_shade_is_fitted_or_the_reason_is_given() {
         "light and sun"
     );
     let text = std::fs::read_to_string(folder.join("out.toml")).unwrap();
-    assert!(text.contains("[optics.coated_weft.solar]"), "{text}");
+    assert_contains(&text, "[optics.coated_weft.solar]");
 
     let text = std::fs::read_to_string(folder.join("values.xml")).unwrap();
     let [before, back] = two_parts(&text, "<WavelengthDataDirection>Reflection Back<");
@@ -191,7 +190,7 @@ fn a_shade_is_fitted_or_the_reason_is_given() {
     let light = &answer["shade"][0];
     assert_eq!(light["good"], false);
     let causes = light["causes"].to_string();
-    assert!(causes.contains("the sides were measured as"), "{causes}");
+    assert_contains(&causes, "the sides were measured as");
 }
 
 /// A text before a mark, and the rest with it.
