@@ -312,9 +312,9 @@ mod tests {
                 let up = organza_basis::warp::cosine_hemisphere(rng.unit2());
                 let to = Vec3::new(up.x, up.y, up.z.max(1e-4).copysign(w.z));
                 let albedo = if is_left { 0.8 } else { 0.2 };
-                let way = if is_straight { (-w, 1.0) } else { (to, albedo) };
+                let sent = if is_straight { (-w, 1.0) } else { (to, albedo) };
                 found(Exit {
-                    escape: Some((way.0, Rgb::splat(way.1))),
+                    escape: Some((sent.0, Rgb::splat(sent.1))),
                     is_straight,
                     absorbed: Rgb::BLACK,
                 });

@@ -323,14 +323,14 @@ pub fn measure_klems(
             stream: KLEMS_STREAMS + k as u64,
             paths: 0..paths,
         };
-        let way = |rng: &mut PathRng| {
+        let draw = |rng: &mut PathRng| {
             let u = rng.unit2().as_dvec2();
             let sin = (low + u.x * (high - low)).sqrt();
             let phi = source.phi_deg + (u.y - 0.5) * source.width_deg;
             direction(sin, phi, front, Role::From)
         };
         let mut rejected = 0;
-        patch.each_exit(&way, &names, &mut stats, &mut |exit| {
+        patch.each_exit(&draw, &names, &mut stats, &mut |exit| {
             let Some((to, weight)) = exit.escape else {
                 return;
             };

@@ -152,17 +152,17 @@ pub trait PatchResponse: Sync {
     }
 
     /// [`PatchResponse::estimate_exit`] of every path, in order, from the
-    /// direction that `way` draws for it with the first random numbers of the path.
+    /// direction that `draw` gives it with the first random numbers of the path.
     fn each_exit(
         &self,
-        way: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
+        draw: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
         names: &PathNames,
         stats: &mut Stats,
         found: &mut dyn FnMut(Exit),
     ) {
         for path in names.paths.clone() {
             let mut rng = names.rng(path);
-            let w = way(&mut rng);
+            let w = draw(&mut rng);
             found(self.estimate_exit(w, &mut rng, stats));
         }
     }
@@ -230,33 +230,33 @@ where
 
     fn each_bsdf(
         &self,
-        ways: (Vec3, Vec3),
+        directions: (Vec3, Vec3),
         names: &PathNames,
         stats: &mut Stats,
         found: &mut dyn FnMut(Rgb),
     ) {
-        (**self).each_bsdf(ways, names, stats, found);
+        (**self).each_bsdf(directions, names, stats, found);
     }
 
     fn each_bsdf_at(
         &self,
         place: &(dyn Fn(&mut PathRng) -> Vec2 + Sync),
-        ways: (Vec3, Vec3),
+        directions: (Vec3, Vec3),
         names: &PathNames,
         stats: &mut Stats,
         found: &mut dyn FnMut(Rgb),
     ) {
-        (**self).each_bsdf_at(place, ways, names, stats, found);
+        (**self).each_bsdf_at(place, directions, names, stats, found);
     }
 
     fn each_exit(
         &self,
-        way: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
+        draw: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
         names: &PathNames,
         stats: &mut Stats,
         found: &mut dyn FnMut(Exit),
     ) {
-        (**self).each_exit(way, names, stats, found);
+        (**self).each_exit(draw, names, stats, found);
     }
 
     fn each_exit_at(

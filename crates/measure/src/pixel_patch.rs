@@ -45,13 +45,14 @@ impl<P: PatchResponse> PatchResponse for PixelPatch<'_, P> {
 
     fn each_bsdf(
         &self,
-        ways: (Vec3, Vec3),
+        directions: (Vec3, Vec3),
         names: &PathNames,
         stats: &mut Stats,
         found: &mut dyn FnMut(Rgb),
     ) {
         let place = |rng: &mut PathRng| self.place_mm(rng);
-        self.patch.each_bsdf_at(&place, ways, names, stats, found);
+        self.patch
+            .each_bsdf_at(&place, directions, names, stats, found);
     }
 
     fn is_exact(&self) -> bool {

@@ -96,7 +96,7 @@ pub fn measure_sides(
         &enough,
         watch,
         &|&(side, sin_squared): &(f32, f32)| {
-            let way = move |rng: &mut PathRng| {
+            let draw = move |rng: &mut PathRng| {
                 let u = rng.unit2();
                 let squared = sin_squared * u.x;
                 let (y, x) = (std::f32::consts::TAU * u.y).sin_cos();
@@ -104,7 +104,7 @@ pub fn measure_sides(
                 Vec3::new(sin * x, sin * y, side * (1.0 - squared).max(1e-12).sqrt())
             };
             move |names: &PathNames, stats: &mut Stats, found: &mut dyn FnMut([Rgb; 4])| {
-                patch.each_exit(&way, names, stats, &mut |exit| {
+                patch.each_exit(&draw, names, stats, &mut |exit| {
                     let e = exit.energy(Vec3::new(0.0, 0.0, side));
                     let through = e.direct + e.transmitted;
                     found([e.direct, e.transmitted, through, e.reflected].map(seen));

@@ -112,38 +112,40 @@ impl<P: PatchResponse> PatchResponse for SolarPatch<P> {
 
     fn each_bsdf(
         &self,
-        ways: (Vec3, Vec3),
+        directions: (Vec3, Vec3),
         names: &PathNames,
         stats: &mut Stats,
         found: &mut dyn FnMut(Rgb),
     ) {
         self.parts(names, |patch, names, weight| {
-            patch.each_bsdf(ways, names, stats, &mut |v| found(grey(v, weight)));
+            patch.each_bsdf(directions, names, stats, &mut |v| found(grey(v, weight)));
         });
     }
 
     fn each_bsdf_at(
         &self,
         place: &(dyn Fn(&mut PathRng) -> Vec2 + Sync),
-        ways: (Vec3, Vec3),
+        directions: (Vec3, Vec3),
         names: &PathNames,
         stats: &mut Stats,
         found: &mut dyn FnMut(Rgb),
     ) {
         self.each(names, |patch, names| {
-            patch.each_bsdf_at(place, ways, names, stats, &mut |v| found(grey(v, 1.0)));
+            patch.each_bsdf_at(place, directions, names, stats, &mut |v| {
+                found(grey(v, 1.0))
+            });
         });
     }
 
     fn each_exit(
         &self,
-        way: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
+        draw: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
         names: &PathNames,
         stats: &mut Stats,
         found: &mut dyn FnMut(Exit),
     ) {
         self.parts(names, |patch, names, weight| {
-            patch.each_exit(way, names, stats, &mut |e| found(grey_exit(e, weight)));
+            patch.each_exit(draw, names, stats, &mut |e| found(grey_exit(e, weight)));
         });
     }
 

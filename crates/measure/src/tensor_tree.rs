@@ -226,11 +226,11 @@ pub fn measure_tensor_tree(
             stream: TREE_STREAMS + k as u64,
             paths: 0..paths,
         };
-        let way = |rng: &mut PathRng| layout.draw(cell, front, rng);
+        let draw = |rng: &mut PathRng| layout.draw(cell, front, rng);
         // The exit of a path is found from the direction that the path drew.
         let (mut rejected, mut path) = (0, 0);
-        patch.each_exit(&way, &names, &mut stats, &mut |exit| {
-            let w_in = way(&mut names.rng(path));
+        patch.each_exit(&draw, &names, &mut stats, &mut |exit| {
+            let w_in = draw(&mut names.rng(path));
             path += 1;
             let Some((to, weight)) = exit.escape else {
                 return;

@@ -255,13 +255,13 @@ impl PatchResponse for VolumePatch {
 
     fn each_exit(
         &self,
-        way: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
+        draw: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
         names: &PathNames,
         stats: &mut Stats,
         found: &mut dyn FnMut(Exit),
     ) {
         let start = |_: u64, rng: &mut PathRng| {
-            let w = way(rng);
+            let w = draw(rng);
             (self.start_mm(w, rng), w)
         };
         self.each_path(&start, &[], names, stats, &mut |path| found(exit_of(path)));

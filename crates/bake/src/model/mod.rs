@@ -302,10 +302,10 @@ impl Target {
         albedos: &Albedos,
         pair: &Pair,
     ) -> [f64; 3] {
-        let ways = (pair.incident.direction(), pair.exitant.direction());
+        let directions = (pair.incident.direction(), pair.exitant.direction());
         let mut sum = [0.0f64; 3];
         for (texel, surface) in texels {
-            let value = self.texel_bsdf(surface, texel, relief, albedos, ways);
+            let value = self.texel_bsdf(surface, texel, relief, albedos, directions);
             for (s, v) in sum.iter_mut().zip(value.to_array()) {
                 *s += f64::from(v);
             }
