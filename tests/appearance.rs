@@ -219,20 +219,16 @@ fn materials_of_a_volume_without_a_fabric_have_names() {
     let all = format!("{red}[object.optics.warp]\nalbedo = [0.1, 0.1, 0.9]\n");
     succeed(&folder, &scene("named.ovox", &all));
     let near = red.replace("weft", "wefts");
-    assert_contains(
-        &complaint(&folder, &scene("named.ovox", &near)),
-        "did you mean `weft`?",
-    );
+    let said = complaint(&folder, &scene("named.ovox", &near));
+    assert_contains(&said, "did you mean `weft`?");
     let why = complaint(&folder, &scene("broken.ovox", &all));
     assert_contains(&why, "broken.ovox: its scan.toml: invalid type");
     // Twice the fibre lets less light through.
     let fit = "fit volume scene.toml -o f.toml --data out.exr";
     assert_contains(&complaint(&folder, &fit), "scan.toml");
     scene("named.ovox", &all);
-    assert_contains(
-        &complaint(&folder, &fit),
-        "--region 0,0,8,8: expected at least 16 x 16",
-    );
+    let said = complaint(&folder, &fit);
+    assert_contains(&said, "--region 0,0,8,8: expected at least 16 x 16");
     let why = complaint(&folder, &format!("{fit} --region-of wert=0,0,2,2"));
     assert!(
         why.contains("16 x 16") || why.contains("it has warp, weft"),

@@ -134,10 +134,8 @@ fn what_cannot_be_baked_is_refused_and_leaves_nothing() {
         "{words}"
     );
     std::fs::write(folder.join("taken"), "a file").unwrap();
-    assert_contains(
-        &complaint(&folder, &["bake", &silk, "-o", "taken"]),
-        "taken: is a file",
-    );
+    let said = complaint(&folder, &["bake", &silk, "-o", "taken"]);
+    assert_contains(&said, "taken: is a file");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Cloths of blocks through the program: files in every format, and levels of detail.
 
-use crate::program::{bytes, complaint, folder, organza, succeed};
+use crate::program::{bytes, complaint, ended, folder, organza, succeed};
 use glam::UVec3;
 use organza_basis::Budget;
 use organza_scatter::{FlakeMaterials, FlakeOptics};
@@ -125,8 +125,7 @@ fn an_interrupted_file_leaves_nothing() {
     let sent = Command::new("kill").args(["-INT", &id]).status().unwrap();
     assert!(sent.success());
     let out = child.wait_with_output().unwrap();
-    let said = String::from_utf8_lossy(&out.stderr);
-    assert_eq!(out.status.code(), Some(1), "{said}");
+    let said = ended(&out, 1);
     assert!(
         said.contains("cannot write a.nrrd") && said.contains("interrupted"),
         "{said}"

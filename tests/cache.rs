@@ -199,11 +199,7 @@ fn start(folder: &Path, name: &str) -> Child {
 #[test]
 fn runs_at_once_and_killed_ones_leave_a_cache_that_works() {
     let folder = workplace("cache-crowd");
-    // Without measured packing, which takes most of the time.
-    let scene = SCENE
-        .replace("packed", "microflake")
-        .replace("40.0", "20.0");
-    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    write_quick_scene(&folder);
     let (plain, _) = rendered(&folder, "");
     let took = {
         let started = std::time::Instant::now();
@@ -294,10 +290,8 @@ fn a_cache_that_cannot_be_is_refused() {
     let voxelize = "voxelize cloth.toml -o a.ovox --cache";
     let words = complaint(&folder, &format!("{voxelize} cloth.toml"));
     assert_contains(&words, "--cache: cloth.toml: ");
-    assert_contains(
-        &complaint(&folder, "cache --cache off"),
-        "\"off\" names no cache",
-    );
+    let said = complaint(&folder, "cache --cache off");
+    assert_contains(&said, "\"off\" names no cache");
     assert!(!organza(&folder, "cache clean").status.success());
     assert!(!folder.join("a.ovox").exists());
 }

@@ -1,7 +1,7 @@
 //! Renders that are killed or interrupted and resumed from a checkpoint.
 
 use crate::cli::write_grid_scene;
-use crate::program::{argv, bytes, complaint, folder, picture, sources, succeed};
+use crate::program::{argv, bytes, complaint, ended, folder, picture, sources, succeed};
 use organza_testing::assert_contains;
 use sha2::Digest;
 use std::path::Path;
@@ -82,8 +82,7 @@ fn interrupt_with(signal: &str, folder: &Path, whole: &[u8]) {
         .status();
     assert!(sent.unwrap().success());
     let out = child.wait_with_output().unwrap();
-    let words = String::from_utf8_lossy(&out.stderr).into_owned();
-    assert_eq!(out.status.code(), Some(1), "{words}");
+    let words = ended(&out, 1);
     assert!(
         words.starts_with("organza: interrupted with ")
             && words.trim_end().ends_with(&format!(

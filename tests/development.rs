@@ -1,7 +1,7 @@
 //! How display formats show a picture: exposure, tone mapping, white balance, bits.
 
 use crate::cli::write_grid_scene;
-use crate::program::{bytes, folder, organza, succeed};
+use crate::program::{bytes, ended, folder, organza, succeed};
 use organza_testing::{assert_contains, table_rows};
 use std::io::Cursor;
 use std::path::Path;
@@ -158,18 +158,18 @@ fn a_contact_sheet_is_refused_before_anything_is_rendered() {
     write_grid_scene(&folder);
     std::fs::write(folder.join("bad.toml"), "[render]\nspp = 0\n[camera]\n").unwrap();
     for [wrong, why] in table_rows(WRONG) {
-        let out = organza(&folder, &format!("render --contact-sheet {wrong}"));
-        let said = String::from_utf8_lossy(&out.stderr);
-        assert_eq!(out.status.code(), Some(2), "{wrong:?}: {said}");
+        let said = ended(
+            &organza(&folder, &format!("render --contact-sheet {wrong}")),
+            2,
+        );
         assert!(said.contains(why), "{wrong:?}: {said}");
         assert!(!folder.join("s.png").exists() && !folder.join("s.exr").exists());
     }
-    let out = organza(&folder, "render scene.toml scene.toml -o x.png");
-    assert_eq!(out.status.code(), Some(2));
-    let said = String::from_utf8_lossy(&out.stderr);
+    let said = ended(
+        &organza(&folder, "render scene.toml scene.toml -o x.png"),
+        2,
+    );
     assert_contains(&said, "several are rendered with --contact-sheet");
-    let out = organza(&folder, "render scene.toml");
-    assert_eq!(out.status.code(), Some(2), "no output");
-    let said = String::from_utf8_lossy(&out.stderr);
+    let said = ended(&organza(&folder, "render scene.toml"), 2);
     assert_contains(&said, "--outfile");
 }

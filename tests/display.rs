@@ -2,7 +2,7 @@
 //! test's own.
 
 use crate::cli::write_grid_scene;
-use crate::program::{bytes, folder, organza, picture, succeed};
+use crate::program::{bytes, ended, folder, organza, picture, succeed};
 use organza_testing::assert_contains;
 use std::io::Read;
 use std::net::{TcpListener, TcpStream};
@@ -165,8 +165,6 @@ fn a_server_that_is_absent_gone_or_stuck_is_one_warning() {
     drop(listener);
     // No server at all for a wrong address, before anything is rendered.
     let wrong = "render scene.toml -o none.exr --display-server here";
-    let out = organza(&folder, &wrong);
-    assert_eq!(out.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&out.stderr).contains("expected HOST:PORT"));
+    assert_contains(&ended(&organza(&folder, wrong), 2), "expected HOST:PORT");
     assert!(!folder.join("none.exr").exists());
 }

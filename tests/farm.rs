@@ -4,7 +4,7 @@
 //! the engines themselves.
 
 use crate::cli::write_grid_scene;
-use crate::program::{bytes, folder, organza, picture, succeed};
+use crate::program::{bytes, ended, folder, organza, picture, succeed};
 use crate::slab::write_slab;
 use organza_testing::assert_contains;
 use std::collections::{BTreeMap, BTreeSet};
@@ -217,8 +217,7 @@ fn parts_of_a_template_merge_to_the_picture_of_one_run() {
     must_succeed(&part(17));
     // A part is missing: an error, and no picture.
     let out = merge();
-    let words = String::from_utf8_lossy(&out.stderr).into_owned();
-    assert_eq!(out.status.code(), Some(2), "{words}");
+    let words = ended(&out, 2);
     assert_contains(&words, "samples_8_16.exr: no such file");
     assert!(!folder.join("a farm/picture.exr").exists());
     // A task that runs again resumes.
@@ -267,8 +266,7 @@ fn frames_of_a_template_are_those_of_single_runs() {
     );
     assert!(bytes(&folder, "frames/frame_0002.exr") == alone);
     let beyond = run("Render", &[("Frame", 3), ("FirstSample", 1)]);
-    let words = String::from_utf8_lossy(&beyond.stderr).into_owned();
-    assert_eq!(beyond.status.code(), Some(2), "{words}");
+    let words = ended(&beyond, 2);
     assert_eq!(words, "frames.txt: line 3 is missing or empty\n");
 }
 

@@ -5,7 +5,7 @@
 
 use crate::cli::write_grid_scene;
 use crate::fabrics::COTTON_SATIN;
-use crate::program::{complaint, files_left, folder, organza, succeed};
+use crate::program::{complaint, ended, files_left, folder, organza, succeed};
 use organza_testing::assert_contains;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -49,8 +49,7 @@ fn a_checkpoint_that_cannot_be_saved_costs_no_picture() {
         .current_dir(&folder)
         .output()
         .unwrap();
-    let message = String::from_utf8_lossy(&out.stderr);
-    assert_eq!(out.status.code(), Some(1), "{message}");
+    let message = ended(&out, 1);
     assert_eq!(message.lines().count(), 1, "{message}");
     assert!(
         message.contains("the picture out.png with 4 of 4 samples is written")
@@ -117,8 +116,7 @@ fn a_full_disk_is_reported_and_leaves_nothing() {
     let kept = "render scene.toml -o out.png --set camera.resolution=[64,64] \
                 --checkpoint disk/state --quiet";
     let out = with_disk(&folder, mount, limit, kept);
-    let message = String::from_utf8_lossy(&out.stderr);
-    assert_eq!(out.status.code(), Some(1), "{message}");
+    let message = ended(&out, 1);
     assert_contains(&message, "cannot write disk/state");
     assert!(folder.join("out.png").exists(), "the picture is kept");
 }
@@ -147,8 +145,7 @@ fn a_folder_that_takes_no_files_is_reported_before_the_work_begins() {
         "man -o disk",
     ] {
         let out = with_disk(&folder, mount, closed, &format!("{arguments} </dev/null"));
-        let said = String::from_utf8_lossy(&out.stderr);
-        assert_eq!(out.status.code(), Some(2), "{arguments}: {said}");
+        let said = ended(&out, 2);
         assert_eq!(said.lines().count(), 1, "{arguments}: {said}");
         assert!(
             reasons
@@ -244,8 +241,7 @@ fn the_limit_of_the_address_space_is_a_limit_of_memory() {
         .args(["-c", &format!("ulimit -v 600000; {render}")])
         .output()
         .unwrap();
-    let words = String::from_utf8_lossy(&out.stderr);
-    assert_eq!(out.status.code(), Some(2), "{words}");
+    let words = ended(&out, 2);
     assert_contains(&words, " are allowed");
 }
 
@@ -279,8 +275,7 @@ fn a_scene_writes_nowhere() {
         ("..", "is a folder; expected a file"),
     ] {
         let out = render(&format!("\"{name}\""));
-        let said = String::from_utf8_lossy(&out.stderr);
-        assert_eq!(out.status.code(), Some(2), "{name}: {said}");
+        let said = ended(&out, 2);
         assert!(
             said.contains(why) || cfg!(not(target_os = "linux")),
             "{said}"

@@ -1,7 +1,7 @@
 //! How far a single sample may stand out, and what a clamp takes away.
 
 use crate::cli::write_grid_scene;
-use crate::program::{complaint, exr_channels, folder, organza, succeed};
+use crate::program::{complaint, ended, exr_channels, folder, organza, succeed};
 use organza_testing::assert_contains;
 use std::path::Path;
 
@@ -97,10 +97,8 @@ fn a_clamp_tells_what_it_takes_away_and_takes_no_more() {
     assert!(bytes("all.exr") == bytes("held.exr"));
     // Clamped and other samples do not mix, and the kernel leaves them alone.
     render("c.exr", "--samples 8..32");
-    assert_contains(
-        &complaint(&folder, "merge a.exr c.exr -o all.exr"),
-        "cannot join",
-    );
+    let told = complaint(&folder, "merge a.exr c.exr -o all.exr");
+    assert_contains(&told, "cannot join");
     let arguments = "render scene.toml -o x.exr --clamp 1";
     let said = complaint(&folder, &format!("{arguments} --backend scalar"));
     assert_contains(&said, "clamping needs the general walk");
@@ -131,8 +129,7 @@ fn samples_that_films_cannot_hold_end_a_render_with_status_1() {
         organza(&folder, "render scene.toml -o out.exr --quiet")
     };
     let out = lit("1e14, 1.0, 1.0");
-    let said = String::from_utf8_lossy(&out.stderr);
-    assert_eq!(out.status.code(), Some(1), "{said}");
+    let said = ended(&out, 1);
     assert!(
         said.contains("brighter than 4.2949673e9") && said.contains("left out of out.exr"),
         "{said}"

@@ -1,6 +1,6 @@
 //! Wrong flags and command lines.
 
-use crate::program::{folder, organza};
+use crate::program::{ended, folder, organza};
 use organza_testing::table_rows;
 
 #[test]
@@ -46,9 +46,7 @@ fn wrong_flags_are_reported() {
         assert_eq!(out.status.code(), Some(2), "{wrong}");
     }
     for [line, words] in table_rows(WRONG) {
-        let out = organza(&folder, line);
-        let said = String::from_utf8_lossy(&out.stderr);
-        assert_eq!(out.status.code(), Some(2), "{line}: {said}");
+        let said = ended(&organza(&folder, line), 2);
         assert!(said.contains(words), "{line}: {said}");
     }
 }

@@ -70,10 +70,8 @@ fn layers_are_kept_and_add_up() {
                 .all(|v| *v >= 0.0)
         );
     }
-    assert_contains(
-        &complaint(&folder, "merge alone.exr b.exr -o x.exr"),
-        "the scenes differ",
-    );
+    let said = complaint(&folder, "merge alone.exr b.exr -o x.exr");
+    assert_contains(&said, "the scenes differ");
     let first = "--set render.cache=first-fibre --set render.direct=true";
     let refused = complaint(&folder, &format!("{CACHED} -o x.exr {first}"));
     assert_contains(&refused, "render.direct: ");

@@ -118,10 +118,8 @@ fn a_fabric_is_measured_as_volume_and_as_surface() {
             "cloth reflects and absorbs: {row:?}"
         );
     }
-    assert_contains(
-        &complaint(&folder, &format!("{arguments} --model surface")),
-        "bare.toml: has no [surface] section",
-    );
+    let said = complaint(&folder, &format!("{arguments} --model surface"));
+    assert_contains(&said, "bare.toml: has no [surface] section");
 }
 
 #[test]

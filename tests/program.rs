@@ -77,19 +77,20 @@ pub fn argv(line: &str) -> Vec<&str> {
     line.split_whitespace().collect()
 }
 
+/// Demands an exit status, and returns what was said about it.
+#[track_caller]
+pub fn ended(out: &Output, status: i32) -> String {
+    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(out.status.code(), Some(status), "{said}");
+    said
+}
+
 /// Runs `organza`, demands the exit status of wrong input, and returns the
 /// message, which must be one line.
 pub fn complaint(folder: &Path, arguments: &(impl Arguments + ?Sized)) -> String {
-    let out = organza(folder, arguments);
-    let stderr = String::from_utf8_lossy(&out.stderr).trim_end().to_owned();
-    assert_eq!(
-        out.status.code(),
-        Some(2),
-        "{:?}: {stderr}",
-        arguments.words()
-    );
-    assert_eq!(stderr.lines().count(), 1, "{stderr}");
-    stderr
+    let said = ended(&organza(folder, arguments), 2).trim_end().to_owned();
+    assert_eq!(said.lines().count(), 1, "{said}");
+    said
 }
 
 /// The digest of the sources of the program.

@@ -1,7 +1,7 @@
 //! What commands refuse before they begin, and leave as it was.
 
 use crate::cli::write_grid_scene;
-use crate::program::{argv, complaint, folder, organza, succeed};
+use crate::program::{argv, complaint, ended, folder, organza, succeed};
 use organza_testing::{assert_contains, file_names};
 use std::fs;
 use std::path::Path;
@@ -96,10 +96,8 @@ fn a_fit_does_not_resume_from_another_draft() {
     succeed(&folder, &fit);
     succeed(&folder, &fit); // the known-bad twin: nothing changed
     wif("30,30,200");
-    assert_contains(
-        &complaint(&folder, &fit),
-        "journal: belongs to other inputs or settings",
-    );
+    let said = complaint(&folder, &fit);
+    assert_contains(&said, "journal: belongs to other inputs or settings");
 }
 
 #[test]
@@ -123,15 +121,11 @@ fn no_input_is_written_over() {
         );
     }
     let before = fs::read(folder.join("a.exr")).unwrap();
-    assert_contains(
-        &complaint(&folder, "merge a.exr b.exr -o ./a.exr"),
-        "is also an input",
-    );
+    let said = complaint(&folder, "merge a.exr b.exr -o ./a.exr");
+    assert_contains(&said, "is also an input");
     assert_eq!(fs::read(folder.join("a.exr")).unwrap(), before);
-    assert_contains(
-        &succeed(&folder, "merge a.exr b.exr -o all.exr"),
-        "samples 1..3 are missing",
-    );
+    let said = succeed(&folder, "merge a.exr b.exr -o all.exr");
+    assert_contains(&said, "samples 1..3 are missing");
     assert_contains(&succeed(&folder, "info all.exr"), "samples: 0..1,3..4");
 }
 
@@ -271,8 +265,7 @@ fn listings_may_be_cut_short() {
             .stdout(full)
             .output()
             .unwrap();
-        let printed = String::from_utf8_lossy(&out.stderr);
-        assert_eq!(out.status.code(), Some(1), "{printed}");
+        let printed = ended(&out, 1);
         assert_contains(&printed, "cannot write to the standard output");
     }
     assert!(organza(&folder, "--version").status.success());

@@ -1,7 +1,7 @@
 //! Requests of another program: as a value, as a table, as a command; files in memory in, arrays out,
 //! the same numbers.
 
-use crate::program::{complaint, exr_channels, folder, succeed};
+use crate::program::{complaint, ended, exr_channels, folder, succeed};
 use organza::{
     Bake, Context, Error, ErrorKind, Fit, Listener, Measure, Numbers, Output, Render, Request,
     Results, StopFlag, Voxelize, run_table,
@@ -447,7 +447,6 @@ fn arguments_need_not_be_text() {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_organza"));
     let command = command.current_dir(&folder).arg("render").arg(name);
     let done = command.args(["-o", "a.png"]).output().unwrap();
-    assert_eq!(done.status.code(), Some(2), "{done:?}");
-    let words = String::from_utf8_lossy(&done.stderr);
+    let words = ended(&done, 2);
     assert_contains(&words, "b\u{fffd}.wif");
 }

@@ -59,10 +59,8 @@ fn a_scan_is_shown_described_and_measured_like_a_volume() {
     assert!(mean("R") > 2.0 * mean("G"), "{} {}", mean("R"), mean("G"));
     let wrong = scene.to_owned() + "[object.optics.fibbre]\nend_on_ratio = 0.2\n";
     std::fs::write(folder.join("wrong.toml"), wrong).unwrap();
-    assert_contains(
-        &complaint(&folder, "render wrong.toml -o x.exr"),
-        "did you mean `fibre`?",
-    );
+    let said = complaint(&folder, "render wrong.toml -o x.exr");
+    assert_contains(&said, "did you mean `fibre`?");
 }
 
 /// What is scanned, and a part of the message.

@@ -1,6 +1,6 @@
 //! Flat cloth, its yarns and a tile that repeats, from the scan of a tilted, bent weave.
 
-use crate::program::{folder, organza, succeed};
+use crate::program::{ended, folder, organza, succeed};
 use glam::{DVec3, Quat, UVec3, Vec3};
 use organza_basis::curve::{SegmentList, Tile};
 use organza_basis::{Aabb, Budget, Segment, SegmentSource};
@@ -220,8 +220,6 @@ fn a_tile_is_an_exemplar(folder: &Path, tile: &Octree) {
     // Known bad: a design with neighbourhoods that the screen does not have.
     let twill = fabric.replace("\"plain\"", "\"twill-2-2-z\"");
     std::fs::write(folder.join("twill.toml"), twill).unwrap();
-    let out = organza(folder, "info twill.toml");
-    let said = String::from_utf8_lossy(&out.stderr);
-    assert_eq!(out.status.code(), Some(2), "{said}");
+    let said = ended(&organza(folder, "info twill.toml"), 2);
     assert_contains(&said, "no exemplar has");
 }

@@ -130,10 +130,8 @@ fn the_page_shows_and_saves_what_render_writes() {
 fn wrong_files_and_ports_are_refused_before_anything_is_served() {
     let folder = folder("view-wrong");
     std::fs::write(folder.join("broken.toml"), "[draft]\nweave = 'plan'\n").unwrap();
-    assert_contains(
-        &complaint(&folder, "view broken.toml"),
-        "broken.toml: draft.weave",
-    );
+    let said = complaint(&folder, "view broken.toml");
+    assert_contains(&said, "broken.toml: draft.weave");
     std::fs::write(folder.join("broken.wif"), "[WIF]\nVersion=1.1\n").unwrap();
     let message = complaint(&folder, "view broken.wif");
     assert!(message.starts_with("organza: broken.wif: "), "{message}");

@@ -17,7 +17,7 @@
 //! the module `sharpening` undoes that.
 
 use crate::sharpening::{Means, Sharpened, Sharpening, Square, sharpened, sharpened_pairs};
-use crate::{Exit, MeasureError, PatchResponse, PathNames};
+use crate::{Exit, MeasureError, PatchResponse, PathNames, PathRun};
 use organza_basis::PathRng;
 use organza_surface::table::{MeasuredMatrix, Rings};
 use organza_transport::Stats;
@@ -136,7 +136,7 @@ pub fn measure_node(
             stream: NODE_STREAMS + node as u64,
             paths: first..(first + AT_ONCE).min(paths.end),
         };
-        patch.each_exit(&draw, &names, &mut stats, &mut found);
+        patch.each_exit(&draw, PathRun::new(&names, &mut stats, &mut found));
     }
     stats.rejected += rejected;
     MeasureError::check(&stats)?;

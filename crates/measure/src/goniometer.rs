@@ -1,6 +1,6 @@
 //! Means with standard errors: the goniometer itself.
 
-use crate::{Angles, Pair, PatchResponse, PathNames};
+use crate::{Angles, Exit, Pair, PatchResponse, PathNames, PathRun};
 use organza_basis::{Moments, Rgb, Stopped, Watch};
 use organza_transport::Stats;
 use rayon::prelude::*;
@@ -200,7 +200,9 @@ pub(crate) fn gather_pairs(
         &|pair: &Pair| {
             let (w_in, w_out) = (pair.incident.direction(), pair.exitant.direction());
             move |names: &PathNames, stats: &mut Stats, found: &mut dyn FnMut([Rgb; 1])| {
-                patch.each_bsdf((w_in, w_out), names, stats, &mut |value| found([value]));
+                let found = &mut |value| found([value]);
+                let run = PathRun::new(names, stats, found);
+                patch.each_bsdf((w_in, w_out), run);
             }
         },
     )
@@ -264,10 +266,11 @@ pub fn measure_albedo_rows(
         &|from: &Angles| {
             let w = from.direction();
             move |names: &PathNames, stats: &mut Stats, found: &mut dyn FnMut([Rgb; 5])| {
-                patch.each_exit(&|_| w, names, stats, &mut |exit| {
+                let found = &mut |exit: Exit| {
                     let e = exit.energy(w);
                     found([e.reflected, e.transmitted, e.direct, e.absorbed, e.sum()]);
-                });
+                };
+                patch.each_exit(&|_| w, PathRun::new(names, stats, found));
             }
         },
     )
@@ -510,8 +513,8 @@ mod tests {
             self.estimate_bsdf(w_in, w_out, rng, stats)
         }
 
-        fn estimate_exit(&self, _: Vec3, _: &mut PathRng, _: &mut Stats) -> crate::Exit {
-            crate::Exit::default()
+        fn estimate_exit(&self, _: Vec3, _: &mut PathRng, _: &mut Stats) -> Exit {
+            Exit::default()
         }
 
         fn is_exact(&self) -> bool {

@@ -4,7 +4,9 @@
 //! The patch from which a ray arrives and the patch that it reaches unscattered, straight or
 //! mirrored, have the same number. The front is the face of the cloth.
 
-use crate::{Angles, MeasureError, Measured, Pair, PairValue, PatchResponse, PathNames};
+use crate::{
+    Angles, Exit, MeasureError, Measured, Pair, PairValue, PatchResponse, PathNames, PathRun,
+};
 use glam::Vec3;
 use organza_basis::{PathRng, Stopped, Watch};
 use organza_transport::Stats;
@@ -330,7 +332,7 @@ pub fn measure_klems(
             direction(sin, phi, front, Role::From)
         };
         let mut rejected = 0;
-        patch.each_exit(&draw, &names, &mut stats, &mut |exit| {
+        let mut found = |exit: Exit| {
             let Some((to, weight)) = exit.escape else {
                 return;
             };
@@ -346,7 +348,8 @@ pub fn measure_klems(
                     s[1] += f64::from(v).powi(2);
                 }
             }
-        });
+        };
+        patch.each_exit(&draw, PathRun::new(&names, &mut stats, &mut found));
         stats.rejected += rejected;
         Stopped::check(watch(paths))?;
         Ok((sums, stats))
@@ -392,7 +395,6 @@ pub fn measure_klems(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Exit;
     use glam::Vec2;
     use organza_basis::{Rgb, unwatched};
     use std::f64::consts::PI;

@@ -101,7 +101,9 @@ pub use pairs::{
     Angles, Pair, PairsError, PairsErrorKind, distinct_incident, parse_incident, parse_pairs,
     parse_values,
 };
-pub use patch::{Energy, Exit, FirstSight, Look, PatchResponse, PathNames};
+pub use patch::{
+    Draw, DrawNumbered, Energy, Exit, FirstSight, Look, PatchResponse, PathNames, PathRun,
+};
 pub use picture_error::{NoisyPicture, PictureError, picture_error};
 pub use picture_match::{PictureMatch, PictureSearch, PictureStatistics, match_picture};
 pub use picture_moments::{MIN_SIDE, MatchedPicture};

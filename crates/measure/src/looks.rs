@@ -1,6 +1,6 @@
 //! Sums over paths that look straight down on every texel of a tile.
 
-use crate::{Look, MeasureError, PatchResponse, PathNames, TexelGrid};
+use crate::{Look, MeasureError, PatchResponse, PathNames, PathRun, TexelGrid};
 use glam::{UVec2, Vec2};
 use organza_basis::{Rgb, Stopped, Watch};
 use organza_transport::Stats;
@@ -82,7 +82,8 @@ pub fn gather_looks(
                 stream: LOOK_STREAMS + u64::from(y),
                 paths: first..(first + MAX_AT_ONCE).min(total),
             };
-            patch.each_look(&place, &names, &mut stats, &mut found);
+            let run = PathRun::new(&names, &mut stats, &mut found);
+            patch.each_look(&place, run);
         }
         stats.rejected += rejected;
         Stopped::check(watch(total))?;

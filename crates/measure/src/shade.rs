@@ -3,7 +3,7 @@
 
 use crate::goniometer::gather;
 use crate::klems_file::XYZ_FROM_RGB;
-use crate::{Effort, MeasureError, Measured, PatchResponse, PathNames};
+use crate::{Effort, Exit, MeasureError, Measured, PatchResponse, PathNames, PathRun};
 use glam::{DVec3, Vec3};
 use organza_basis::{Moments, PathRng, Rgb, Watch};
 use organza_transport::Stats;
@@ -104,11 +104,12 @@ pub fn measure_sides(
                 Vec3::new(sin * x, sin * y, side * (1.0 - squared).max(1e-12).sqrt())
             };
             move |names: &PathNames, stats: &mut Stats, found: &mut dyn FnMut([Rgb; 4])| {
-                patch.each_exit(&draw, names, stats, &mut |exit| {
+                let found = &mut |exit: Exit| {
                     let e = exit.energy(Vec3::new(0.0, 0.0, side));
                     let through = e.direct + e.transmitted;
                     found([e.direct, e.transmitted, through, e.reflected].map(seen));
-                });
+                };
+                patch.each_exit(&draw, PathRun::new(names, stats, found));
             }
         },
     )?;
@@ -161,7 +162,7 @@ fn luminance(value: Rgb) -> Rgb {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Exit, SolarPatch};
+    use crate::SolarPatch;
     use glam::Vec2;
     use organza_basis::unwatched;
 
@@ -256,8 +257,12 @@ mod tests {
                     stream: 0,
                     paths: part * paths..(part + 1) * paths,
                 };
-                let mut add = |v: Rgb| moments.add(f64::from(v.0.x));
-                patch.each_bsdf((Vec3::Z, Vec3::Z), &names, &mut Stats::default(), &mut add);
+                let run = PathRun {
+                    names: &names,
+                    stats: &mut Stats::default(),
+                    found: &mut |v: Rgb| moments.add(f64::from(v.0.x)),
+                };
+                patch.each_bsdf((Vec3::Z, Vec3::Z), run);
             }
             let (value, se) = (moments.mean, moments.standard_error());
             let off = (value - expected).abs();

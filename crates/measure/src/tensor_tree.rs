@@ -7,7 +7,7 @@
 //! face of the cloth is the front of the file. Light that passes straight through is in the
 //! cell that it reaches.
 
-use crate::{MeasureError, PatchResponse, PathNames};
+use crate::{Exit, MeasureError, PatchResponse, PathNames, PathRun};
 use glam::{DVec2, Vec3};
 use organza_basis::{PathRng, Stopped, Watch, warp};
 use organza_transport::Stats;
@@ -229,7 +229,7 @@ pub fn measure_tensor_tree(
         let draw = |rng: &mut PathRng| layout.draw(cell, front, rng);
         // The exit of a path is found from the direction that the path drew.
         let (mut rejected, mut path) = (0, 0);
-        patch.each_exit(&draw, &names, &mut stats, &mut |exit| {
+        let mut found = |exit: Exit| {
             let w_in = draw(&mut names.rng(path));
             path += 1;
             let Some((to, weight)) = exit.escape else {
@@ -248,7 +248,8 @@ pub fn measure_tensor_tree(
                 }
                 slot[3] += (channels.iter().sum::<f64>() / 3.0).powi(2);
             }
-        });
+        };
+        patch.each_exit(&draw, PathRun::new(&names, &mut stats, &mut found));
         stats.rejected += rejected;
         Stopped::check(watch(paths))?;
         let count = paths as f64;
