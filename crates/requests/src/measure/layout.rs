@@ -7,8 +7,7 @@ use anyhow::Result;
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
 use organza_measure::{Angles, Pair};
-use organza_work::Job;
-use organza_work::of_option;
+use organza_work::{Job, of_option};
 use std::sync::LazyLock;
 
 /// A set of directions. A new one is a file with such a constant, and a line in [`LAYOUTS`].
