@@ -290,10 +290,6 @@ mod tests {
             Rgb::BLACK
         }
 
-        fn estimate_at(&self, _: Vec2, _: Vec3, _: Vec3, _: &mut PathRng, _: &mut Stats) -> Rgb {
-            Rgb::BLACK
-        }
-
         fn estimate_exit(&self, _: Vec3, _: &mut PathRng, _: &mut Stats) -> Exit {
             Exit::default()
         }
@@ -314,10 +310,6 @@ mod tests {
                     absorbed: Rgb::BLACK,
                 });
             }
-        }
-
-        fn is_exact(&self) -> bool {
-            false
         }
     }
 

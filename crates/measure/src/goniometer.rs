@@ -20,6 +20,17 @@ pub struct Effort {
     pub target_error: Option<f64>,
 }
 
+impl Effort {
+    /// So many paths for every pair, whatever the error.
+    pub const fn new(paths: u64, seed: u64) -> Effort {
+        Effort {
+            paths,
+            seed,
+            target_error: None,
+        }
+    }
+}
+
 /// Value and standard error per channel.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Measured {
@@ -319,10 +330,7 @@ pub fn measure_openness(
     effort: &Effort,
     watch: Watch<'_>,
 ) -> Result<(f64, f64), MeasureError> {
-    let normal = Angles {
-        theta_deg: 0.0,
-        phi_deg: 0.0,
-    };
+    let normal = Angles::NORMAL;
     let effort = Effort {
         target_error: None,
         ..*effort
@@ -502,23 +510,8 @@ mod tests {
             Rgb::splat((1.0 - rng.unit()).powf(self.0))
         }
 
-        fn estimate_at(
-            &self,
-            _: Vec2,
-            w_in: Vec3,
-            w_out: Vec3,
-            rng: &mut PathRng,
-            stats: &mut Stats,
-        ) -> Rgb {
-            self.estimate_bsdf(w_in, w_out, rng, stats)
-        }
-
         fn estimate_exit(&self, _: Vec3, _: &mut PathRng, _: &mut Stats) -> Exit {
             Exit::default()
-        }
-
-        fn is_exact(&self) -> bool {
-            false
         }
     }
 
@@ -532,19 +525,12 @@ mod tests {
 
     #[test]
     fn a_stop_ends_measurements_early() {
-        let normal = Angles {
-            theta_deg: 0.0,
-            phi_deg: 0.0,
-        };
+        let normal = Angles::NORMAL;
         let pair = Pair {
             incident: normal,
             exitant: normal,
         };
-        let effort = Effort {
-            paths: 64 * CHUNK,
-            seed: 7,
-            target_error: None,
-        };
+        let effort = Effort::new(64 * CHUNK, 7);
         let grid = TexelGrid {
             low_mm: Vec2::ZERO,
             size_mm: Vec2::ONE,
@@ -585,20 +571,13 @@ mod tests {
     /// more than a quarter of the squares nearly always. To the power of -0.2 it has a variance.
     #[test]
     fn values_without_a_variance_have_heavy_tails() {
-        let normal = Angles {
-            theta_deg: 0.0,
-            phi_deg: 0.0,
-        };
+        let normal = Angles::NORMAL;
         let pairs = [Pair {
             incident: normal,
             exitant: normal,
         }; 64];
         for paths in [1024, 16_384] {
-            let effort = Effort {
-                paths,
-                seed: 7,
-                target_error: None,
-            };
+            let effort = Effort::new(paths, 7);
             let heavy = |power: f32| {
                 let found = measure_pairs(&Powers(power), &pairs, &effort, &unwatched);
                 found.unwrap().heavy_tails

@@ -136,7 +136,8 @@ pub trait PatchResponse: Sync {
     /// straight through.
     fn estimate_bsdf(&self, w_in: Vec3, w_out: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb;
 
-    /// The same at a place of the middle plane of the cloth, mm.
+    /// The same at a place of the middle plane of the cloth, mm; unless said otherwise, the patch is
+    /// the same everywhere.
     fn estimate_at(
         &self,
         place_mm: Vec2,
@@ -144,7 +145,10 @@ pub trait PatchResponse: Sync {
         w_out: Vec3,
         rng: &mut PathRng,
         stats: &mut Stats,
-    ) -> Rgb;
+    ) -> Rgb {
+        let _ = place_mm;
+        self.estimate_bsdf(w_in, w_out, rng, stats)
+    }
 
     /// One path of light that comes from `w`.
     ///
@@ -206,7 +210,9 @@ pub trait PatchResponse: Sync {
 
     /// True when [`estimate_bsdf`](Self::estimate_bsdf) uses no random numbers:
     /// one estimate is the value.
-    fn is_exact(&self) -> bool;
+    fn is_exact(&self) -> bool {
+        false
+    }
 }
 
 impl<P: PatchResponse + ?Sized> PatchResponse for Box<P>

@@ -47,8 +47,4 @@ impl<P: PatchResponse> PatchResponse for PixelPatch<'_, P> {
         let place = |rng: &mut PathRng| self.place_mm(rng);
         self.patch.each_bsdf_at(&place, directions, run);
     }
-
-    fn is_exact(&self) -> bool {
-        false
-    }
 }

@@ -163,7 +163,6 @@ fn luminance(value: Rgb) -> Rgb {
 mod tests {
     use super::*;
     use crate::SolarPatch;
-    use glam::Vec2;
     use organza_basis::unwatched;
 
     /// Cloth of which a share is holes; the rest reflects or transmits, half by half, a colour.
@@ -175,16 +174,6 @@ mod tests {
     impl PatchResponse for Cloth {
         fn estimate_bsdf(&self, _: Vec3, _: Vec3, _: &mut PathRng, _: &mut Stats) -> Rgb {
             self.colour
-        }
-        fn estimate_at(
-            &self,
-            _: Vec2,
-            w_in: Vec3,
-            w_out: Vec3,
-            rng: &mut PathRng,
-            stats: &mut Stats,
-        ) -> Rgb {
-            self.estimate_bsdf(w_in, w_out, rng, stats)
         }
         fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, _: &mut Stats) -> Exit {
             let u = rng.unit();
@@ -201,16 +190,9 @@ mod tests {
                 absorbed: Rgb::WHITE - value,
             }
         }
-        fn is_exact(&self) -> bool {
-            false
-        }
     }
 
-    const EFFORT: Effort = Effort {
-        paths: 1 << 16,
-        seed: 3,
-        target_error: None,
-    };
+    const EFFORT: Effort = Effort::new(1 << 16, 3);
 
     fn near(found: Share, expected: f64) {
         let off = (found.value - expected).abs();

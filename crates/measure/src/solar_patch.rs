@@ -162,9 +162,4 @@ impl<P: PatchResponse> PatchResponse for SolarPatch<P> {
         };
         self.each(run, |patch, run| patch.each_look(place, run), seen);
     }
-
-    /// Which part of the radiation a single estimate is of is drawn.
-    fn is_exact(&self) -> bool {
-        false
-    }
 }

@@ -273,10 +273,6 @@ impl PatchResponse for VolumePatch {
             events: path.bounces,
         });
     }
-
-    fn is_exact(&self) -> bool {
-        false
-    }
 }
 
 fn exit_of(path: &PathSample) -> Exit {

@@ -65,10 +65,6 @@ impl PatchResponse for Painted {
             });
         }
     }
-
-    fn is_exact(&self) -> bool {
-        false
-    }
 }
 
 /// Value of the middle of every texel, the row of the largest y first; and half of what it

@@ -442,11 +442,7 @@ fn check_memory(args: &BakeJob, grid: &TexelGrid) -> Result<()> {
 
 fn measure(args: &BakeJob, patch: &AnyPatch, grid: &TexelGrid) -> Result<Measurement> {
     let plan = planned_pairs(args.pairs);
-    let effort = Effort {
-        paths: args.spp,
-        seed: args.seed,
-        target_error: None,
-    };
+    let effort = Effort::new(args.spp, args.seed);
     let pairs: Vec<Pair> = plan.iter().map(|p| p.pair).collect();
     let straight: Vec<Angles> = STRAIGHT_DEG
         .iter()

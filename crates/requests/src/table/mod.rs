@@ -307,11 +307,7 @@ impl Work {
         let total = args.held_out_spp * pairs.len() as u64;
         let progress = Progress::new("measuring", total, &args.context);
         let watch = |paths| progress.add(paths);
-        let effort = Effort {
-            paths: args.held_out_spp,
-            seed: args.seed,
-            target_error: None,
-        };
+        let effort = Effort::new(args.held_out_spp, args.seed);
         let mut all = Vec::with_capacity(pairs.len());
         for first in (0..pairs.len()).step_by(PAIRS_AT_ONCE) {
             let rows = first..(first + PAIRS_AT_ONCE).min(pairs.len());

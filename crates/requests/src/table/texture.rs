@@ -168,11 +168,7 @@ pub fn errors(
     let spacing_mm = work.spacing_mm;
     let pairs = held_out_pairs(args.held_out, args.seed);
     let with_texture = table.clone().with_texture(Some(made.texture.clone()));
-    let effort = Effort {
-        paths: args.held_out_spp,
-        seed: args.seed,
-        target_error: None,
-    };
+    let effort = Effort::new(args.held_out_spp, args.seed);
     let mut widths = Vec::new();
     let doubled = std::iter::successors(Some(NARROWEST_PIXEL * spacing_mm), |w| Some(2.0 * w));
     let period_mm = layout.period_mm.max_element();
