@@ -147,7 +147,7 @@ fn optics_planted_in_a_picture_are_found() {
     let (_, list) = fitted(&folder, &format!("{flags} --blur-px 1.2"));
     check(&list, &colours);
     check(&list, &[("gamma", GAMMA, 0.06)]);
-    let (_, list) = fitted(&folder, &flags);
+    let (_, list) = fitted(&folder, flags);
     let gamma = list.iter().find(|p| p.0 == "gamma").unwrap();
     assert!(gamma.1 > 1.3 * GAMMA, "{gamma:?}");
 }
@@ -177,7 +177,7 @@ fn optics_and_density_planted_in_pairs_are_found() {
         ],
     );
     // The known-bad twin: at the density of the file another width has to make up for it.
-    let (words, list) = fitted(&folder, &flags);
+    let (words, list) = fitted(&folder, flags);
     let gamma = list.iter().find(|p| p.0 == "gamma").unwrap();
     let is_off = (gamma.1 - GAMMA).abs() > 0.04 || words.starts_with("Not met");
     assert!(is_off, "{words} {gamma:?}");

@@ -123,7 +123,7 @@ fn a_bench_of_usual_trackers_compares_with_fibres_in_the_kernel() {
     // Four pixels across a gap, lit from the front: black, which ends this view only.
     assert_eq!(views[0]["results"].as_array().unwrap().len(), 0);
     let why = views[0]["refused"][0]["why"].as_str().unwrap();
-    assert_contains(&why, "black");
+    assert_contains(why, "black");
     for view in &views[2..] {
         let results = view["results"].as_array().unwrap();
         assert_eq!(view["pixel_mm"], 0.2, "{view}");

@@ -121,9 +121,7 @@ fn an_interrupted_file_leaves_nothing() {
     while !is_writing() && started.elapsed() < Duration::from_secs(120) {
         std::thread::sleep(Duration::from_millis(10));
     }
-    let id = child.id().to_string();
-    let sent = Command::new("kill").args(["-INT", &id]).status().unwrap();
-    assert!(sent.success());
+    crate::program::signal(&child, "-INT");
     let out = child.wait_with_output().unwrap();
     let said = ended(&out, 1);
     assert!(

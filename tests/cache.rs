@@ -69,10 +69,10 @@ fn results_are_the_same_with_a_cache_and_without() {
     let cached = "--cache cache";
     let (plain, _) = rendered(&folder, "");
     assert!(entries(&folder).is_empty(), "off unless asked for");
-    let (first, printed) = rendered(&folder, &cached);
+    let (first, printed) = rendered(&folder, cached);
     assert!(!printed.contains("from the cache"), "{printed}");
     assert_eq!(entries(&folder).len(), 1);
-    let (second, printed) = rendered(&folder, &cached);
+    let (second, printed) = rendered(&folder, cached);
     assert_contains(&printed, "cloth.toml: its volume is from the cache");
     assert!(plain == first && plain == second);
     // Other commands make and take the same volumes. Here without measured packing, which
@@ -83,8 +83,8 @@ fn results_are_the_same_with_a_cache_and_without() {
         (bytes(&folder, name), printed.contains("from the cache"))
     };
     let (fresh, _) = volume("a.ovox", "");
-    assert_eq!(volume("b.ovox", &cached), (fresh.clone(), false));
-    assert_eq!(volume("b.ovox", &cached), (fresh, true));
+    assert_eq!(volume("b.ovox", cached), (fresh.clone(), false));
+    assert_eq!(volume("b.ovox", cached), (fresh, true));
     let table = |name: &str, cache: &str| {
         let measure = format!("measure cloth.toml -o {name} --layout grid");
         let small = "--grid 1,2 --spp 16";
@@ -92,7 +92,7 @@ fn results_are_the_same_with_a_cache_and_without() {
         (bytes(&folder, name), printed.contains("from the cache"))
     };
     let (fresh, _) = table("a.csv", "");
-    assert_eq!(table("b.csv", &cached), (fresh, true));
+    assert_eq!(table("b.csv", cached), (fresh, true));
     assert_eq!(entries(&folder).len(), 2);
     // The variable does what the flag does, and the flag can turn it off.
     let by_variable = |more: &str| {
@@ -158,7 +158,7 @@ fn a_damaged_entry_is_built_anew_with_a_warning() {
     let folder = workplace("cache-damage");
     write_quick_scene(&folder);
     let cached = "--cache cache";
-    let (plain, _) = rendered(&folder, &cached);
+    let (plain, _) = rendered(&folder, cached);
     let [entry] = &entries(&folder)[..] else {
         panic!("one entry");
     };
@@ -177,7 +177,7 @@ fn a_damaged_entry_is_built_anew_with_a_warning() {
         (other, "belongs to another key"),
     ] {
         std::fs::write(entry, wrong).unwrap();
-        let (picture, printed) = rendered(&folder, &cached);
+        let (picture, printed) = rendered(&folder, cached);
         assert!(picture == plain, "{why}");
         let warning = format!("{why}; the volume is built anew");
         assert_contains(&printed, &warning);

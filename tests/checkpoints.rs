@@ -77,10 +77,7 @@ fn interrupt_with(signal: &str, folder: &Path, whole: &[u8]) {
     let keep = "--checkpoint state --checkpoint-every 0s";
     let mut child = start(folder, &format!("{run} {keep} --threads 1"));
     wait_for(&folder.join("state"), &mut child);
-    let sent = Command::new("kill")
-        .args([signal, &child.id().to_string()])
-        .status();
-    assert!(sent.unwrap().success());
+    crate::program::signal(&child, signal);
     let out = child.wait_with_output().unwrap();
     let words = ended(&out, 1);
     assert!(
@@ -123,24 +120,24 @@ fn checkpoints_that_do_not_belong_are_refused() {
     };
     let same = "--samples 2..6";
     assert_eq!(
-        refuse(&good[..good.len() - 1], &same),
+        refuse(&good[..good.len() - 1], same),
         "organza: state: is cut short; it cannot be resumed"
     );
     assert_eq!(
-        refuse(&good[..20], &same),
+        refuse(&good[..20], same),
         "organza: state: is cut short in its head; remove the file to start again"
     );
     let no_checkpoint = "organza: state: is not a journal; expected one of `organza render`";
-    assert_eq!(refuse(b"", &same), no_checkpoint);
-    assert_eq!(refuse(b"something else", &same), no_checkpoint);
+    assert_eq!(refuse(b"", same), no_checkpoint);
+    assert_eq!(refuse(b"something else", same), no_checkpoint);
     let damaged = "organza: state: is damaged: its checksums do not match";
     for at in [good.len() - 1, good.len() / 2, good.len() / 3] {
         let mut bent = good.clone();
         bent[at] ^= 1;
-        assert_eq!(refuse(&bent, &same), damaged, "byte {at}");
+        assert_eq!(refuse(&bent, same), damaged, "byte {at}");
     }
     let (own, other) = (sources(), "0".repeat(32));
-    let refused = refuse(&of_other_code(&good, &own, &other), &same);
+    let refused = refuse(&of_other_code(&good, &own, &other), same);
     assert!(
         refused.contains("was written by other code") && refused.contains(&other),
         "{refused}"
@@ -170,7 +167,7 @@ fn checkpoints_that_do_not_belong_are_refused() {
     denser[48..52].copy_from_slice(&6.0f32.to_le_bytes());
     std::fs::write(folder.join("sigma_t.vol"), denser).unwrap();
     assert_eq!(
-        refuse(&good, &same),
+        refuse(&good, same),
         "organza: state: is a checkpoint of another content of sigma_t.vol, which the scene names"
     );
     std::fs::write(folder.join("sigma_t.vol"), grid).unwrap();

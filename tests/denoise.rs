@@ -129,12 +129,12 @@ fn without_the_library_nothing_is_rendered_and_the_message_says_how_to_get_it() 
     };
     // So many samples would take hours.
     let render = "render scene.toml -o x.exr --spp 1000000000 --denoise";
-    let words = no_library(Path::new("none.so"), &render);
+    let words = no_library(Path::new("none.so"), render);
     assert_contains(&words, "ORGANZA_OIDN names none.so");
     std::fs::write(folder.join("text.so"), "no library").unwrap();
-    no_library(&folder.join("text.so"), &render);
+    no_library(&folder.join("text.so"), render);
     let library = write_library(&folder, "30001");
-    let words = no_library(&library, &render);
+    let words = no_library(&library, render);
     assert_contains(&words, "has version 3.0.1; expected 1 or 2");
     assert!(!folder.join("x.exr").exists());
 }
@@ -155,7 +155,7 @@ fn what_the_library_reports_and_other_pictures_are_errors_that_write_nothing() {
     let out = run(&folder, "denoise scene.toml -o x.exr");
     assert_eq!(out.status.code(), Some(2), "{}", printed(&out));
     let small = "denoise out.exr -o x.exr --max-memory 1KiB";
-    let out = run(&folder, &small);
+    let out = run(&folder, small);
     assert_eq!(out.status.code(), Some(2), "{}", printed(&out));
     let out = organza(&folder, "denoise out.exr -o out.exr");
     assert_eq!(out.status.code(), Some(2));

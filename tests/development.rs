@@ -23,7 +23,7 @@ fn what_auto_finds_is_printed_and_gives_the_same_picture() {
     let folder = folder("development");
     write_grid_scene(&folder);
     let auto = "--exposure auto --white-balance auto";
-    let printed = render(&folder, "auto.png", &auto);
+    let printed = render(&folder, "auto.png", auto);
     let stops = repeated(&printed, "--exposure");
     let white = repeated(&printed, "--white-balance");
     let json = |text: &str| format!("\"exposure\": \"{text}\"");
@@ -77,7 +77,7 @@ fn settings_reach_the_png_and_leave_linear_files_alone() {
     );
     // A checkpoint and parts fit whatever the settings: no sample depends on them.
     let saved = "--checkpoint state --exposure 1";
-    render(&folder, "a.exr", &saved);
+    render(&folder, "a.exr", saved);
     let resumed = "--checkpoint state --resume";
     let resumed = format!("{resumed} {all}");
     render(&folder, "again.png", &resumed);

@@ -151,15 +151,15 @@ fn a_server_that_is_absent_gone_or_stuck_is_one_warning() {
     };
     let (listener, address) = bound();
     drop(listener);
-    check(&address, &small, "absent");
+    check(&address, small, "absent");
     let (listener, address) = bound();
     let server = std::thread::spawn(move || drop(listener.accept().unwrap()));
-    check(&address, &small, "gone");
+    check(&address, small, "gone");
     server.join().unwrap();
     // Takes the connection, and nothing from it.
     let (listener, address) = bound();
     let started = Instant::now();
-    let printed = check(&address, &large, "stuck");
+    let printed = check(&address, large, "stuck");
     assert_contains(&printed, "has not taken the last picture");
     assert!(started.elapsed() < Duration::from_secs(60));
     drop(listener);

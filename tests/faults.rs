@@ -5,7 +5,7 @@
 
 use crate::cli::write_grid_scene;
 use crate::fabrics::COTTON_SATIN;
-use crate::program::{complaint, ended, files_left, folder, organza, succeed};
+use crate::program::{argv, complaint, ended, files_left, folder, organza, succeed};
 use organza_testing::assert_contains;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -281,7 +281,7 @@ fn a_scene_writes_nowhere() {
             "{said}"
         );
     }
-    let names = "inner link.vol loop.vol out.png scene.toml sggx.vol";
+    let names = argv("inner link.vol loop.vol out.png scene.toml sggx.vol");
     for name in [files_left(&folder), files_left(&inner)].concat() {
         assert!(
             names.contains(&name.as_str()) || name == "sigma_t.vol",

@@ -291,11 +291,7 @@ fn a_slab_of_sine_power_flakes_is_reciprocal() {
     .flat_map(|[a, b]| [[a, b], [b, a]])
     .map(|[incident, exitant]| Pair { incident, exitant })
     .collect();
-    let effort = Effort {
-        paths: full(20_000),
-        seed: SEED,
-        target_error: None,
-    };
+    let effort = Effort::new(full(20_000), SEED);
     let values = measure_pairs(&patch, &pairs, &effort, &unwatched)
         .unwrap()
         .list;

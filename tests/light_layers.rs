@@ -51,7 +51,7 @@ fn layers_are_kept_and_add_up() {
 
     let channels = exr_channels(&folder.join("whole.exr"));
     let alone = "--set render.direct=false --spp 12";
-    render(&folder, "alone.exr", &alone);
+    render(&folder, "alone.exr", alone);
     let without = exr_channels(&folder.join("alone.exr"));
     assert!(!without.contains_key("direct.R"));
     assert_eq!(channels["cache_error"].len(), 144);
@@ -132,10 +132,10 @@ fn light_is_kept_for_other_cameras() {
     let middle = damaged.len() / 2;
     damaged[middle] ^= 1;
     std::fs::write(folder.join("silk.light"), &damaged).unwrap();
-    let why = refuse(&load);
+    let why = refuse(load);
     assert_contains(&why, "does not match its checksum");
     std::fs::write(folder.join("silk.light"), &damaged[..20]).unwrap();
-    let why = refuse(&load);
+    let why = refuse(load);
     assert_contains(&why, "silk.light: is cut short");
     assert!(!folder.join("x.exr").exists());
 }

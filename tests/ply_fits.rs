@@ -134,10 +134,7 @@ fn pictures(folder: &Path) {
                 theta_deg,
                 phi_deg: 45.0,
             },
-            exitant: Angles {
-                theta_deg: 0.0,
-                phi_deg: 0.0,
-            },
+            exitant: Angles::NORMAL,
         };
         let texture =
             measure_texture(&patch, pair, &grid, 128, 12, &organza_basis::unwatched).unwrap();
@@ -171,9 +168,9 @@ fn plies_match_a_front_lit_and_a_back_lit_picture_at_once() {
 fn fits_of_plies_to_fibres_resume_and_end_alike() {
     let folder = workplace("ply-fit-fibres");
     let flags = "--spp 16 --patience 0,12 --journal fit.journal";
-    let first = fit(&folder, &flags);
+    let first = fit(&folder, flags);
     let length = std::fs::metadata(folder.join("fit.journal")).unwrap().len();
-    let again = fit(&folder, &flags);
+    let again = fit(&folder, flags);
     assert_eq!(first, again);
     // Nothing was measured again.
     assert_eq!(

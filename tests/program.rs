@@ -64,6 +64,14 @@ pub fn organza(folder: &Path, arguments: &(impl Arguments + ?Sized)) -> Output {
         .unwrap()
 }
 
+/// Sends a signal to a running program.
+#[cfg(unix)]
+pub fn signal(child: &std::process::Child, signal: &str) {
+    let id = child.id().to_string();
+    let sent = Command::new("kill").args([signal, &id]).status();
+    assert!(sent.unwrap().success());
+}
+
 /// Runs `organza` and demands success.
 pub fn succeed(folder: &Path, arguments: &(impl Arguments + ?Sized)) -> String {
     let out = organza(folder, arguments);

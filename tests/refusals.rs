@@ -64,7 +64,7 @@ fn no_file_that_an_input_names_is_written_over() {
     let imported = "[draft]\ncurves = 'curves.txt'\n[yarn.cotton]\npreset = 'cotton'\ntex = 30.0\n";
     fs::write(folder.join("imported.toml"), imported).unwrap();
     let again = "weave imported.toml --level yarn -o curves.txt";
-    refused("curves.txt", &again);
+    refused("curves.txt", again);
     fs::write(
         folder.join("p.csv"),
         "theta_i,phi_i,theta_o,phi_o\n0,0,0,0\n",

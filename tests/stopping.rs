@@ -89,9 +89,9 @@ fn the_target_error_ends_a_render_at_the_same_sample_on_any_machine() {
     assert_eq!(taken(&words), samples);
     assert!(bytes(&folder, "out.exr") == early);
     let both = "--target-median-error 0.99";
-    assert_eq!(reach("0.004", &both), samples);
+    assert_eq!(reach("0.004", both), samples);
     let both = "--target-median-error 0.002";
-    assert!(reach("0.9", &both) > 16);
+    assert!(reach("0.9", both) > 16);
     // Four times the samples for half the error, within the steps of looks.
     let finer = reach("0.002", "");
     assert!(

@@ -204,11 +204,7 @@ fn an_interrupt_keeps_the_picture_so_far() {
         .find(|l| l.as_ref().unwrap().starts_with("rendering: "))
         .unwrap()
         .unwrap();
-    let pid = child.id().to_string();
-    std::process::Command::new("kill")
-        .args(["-INT", &pid])
-        .status()
-        .unwrap();
+    crate::program::signal(&child, "-INT");
     let last = lines.last().unwrap().unwrap();
     assert!(!child.wait().unwrap().success());
     assert_contains(&last, "x.png holds the picture so far");

@@ -1,7 +1,7 @@
 //! `organza view` as a process: its address, its picture, its end.
 #![cfg(unix)] // it is ended by a signal
 
-use crate::program::{bytes, complaint, folder, succeed};
+use crate::program::{bytes, complaint, folder, signal, succeed};
 use organza_testing::assert_contains;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -73,9 +73,7 @@ impl View {
 
     /// Ends it as Ctrl-C does; the exit status.
     fn interrupt(mut self) -> Option<i32> {
-        let id = self.process.id().to_string();
-        let killed = Command::new("kill").args(["-INT", &id]).status().unwrap();
-        assert!(killed.success());
+        signal(&self.process, "-INT");
         let began = Instant::now();
         loop {
             if let Some(status) = self.process.try_wait().unwrap() {
