@@ -1,6 +1,5 @@
 //! What every reader does with bytes that anybody may hand it: an answer or an
 //! error, in bounded time and memory, and never a panic.
-#![allow(dead_code)] // each fuzz target uses one of them
 
 use organza_basis::Budget;
 use organza_scan::ScanError;
@@ -50,7 +49,7 @@ pub const ALL: [Entry; 24] = [
 ];
 
 /// A WIF draft.
-pub fn wif(data: &[u8]) {
+fn wif(data: &[u8]) {
     if let Ok(draft) = Draft::from_wif(data) {
         assert!(draft.ends() > 0 && draft.picks() > 0);
         let _ = draft.smallest_repeat();
@@ -58,17 +57,17 @@ pub fn wif(data: &[u8]) {
 }
 
 /// Curves as text.
-pub fn curve_text(data: &[u8]) {
+fn curve_text(data: &[u8]) {
     let _ = CurveSet::read_text(&String::from_utf8_lossy(data), 1.0);
 }
 
 /// A binary curve collection.
-pub fn bcc(data: &[u8]) {
+fn bcc(data: &[u8]) {
     let _ = CurveSet::read_bcc(data, 1.0, 0.01);
 }
 
 /// A Mitsuba grid.
-pub fn vol(data: &[u8]) {
+fn vol(data: &[u8]) {
     if let Ok(grid) = VolGrid::read(&mut &data[..], &mut Budget::new(MAX_BYTES)) {
         let cells: u64 = grid.dims.to_array().iter().map(|&n| u64::from(n)).product();
         assert_eq!(grid.data.len() as u64, cells * u64::from(grid.channels));
@@ -76,7 +75,7 @@ pub fn vol(data: &[u8]) {
 }
 
 /// An OpenVDB file: every grid of it.
-pub fn vdb(data: &[u8]) {
+fn vdb(data: &[u8]) {
     let budget = &mut Budget::new(MAX_BYTES);
     if let Ok(file) = organza_volume::vdb::read(data, budget) {
         let _ = file.grid_set(budget);
@@ -85,7 +84,7 @@ pub fn vdb(data: &[u8]) {
 
 /// A native volume; also with checksums that are right, so that what they cover is tried. What is
 /// read is well formed, and every voxel has materials that there are.
-pub fn ovox(data: &[u8]) {
+fn ovox(data: &[u8]) {
     for bytes in [data.to_vec(), sealed_ovox(data.to_vec())] {
         let read = organza_volume::ovox::read(&mut &bytes[..], &mut Budget::new(MAX_BYTES));
         let Ok(stored) = read else { continue };
@@ -136,7 +135,7 @@ fn crc32(bytes: &[u8]) -> u32 {
 }
 
 /// An array in NRRD, its data in the file itself.
-pub fn nrrd(data: &[u8]) {
+fn nrrd(data: &[u8]) {
     let open = |name: &str, max_bytes: u64| match name {
         "array.nrrd" if data.len() as u64 > max_bytes => Err("too large".to_owned()),
         "array.nrrd" => Ok(Some(data.to_vec())),
@@ -167,21 +166,21 @@ fn slices(opened: Result<impl Slices, ScanError>, budget: &mut Budget) {
 }
 
 /// A grey volume in the pages of a TIFF.
-pub fn ct_tiff(data: &[u8]) {
+fn ct_tiff(data: &[u8]) {
     let budget = &mut Budget::new(MAX_BYTES);
     let opened = TiffSlices::new(Cursor::new(data.to_vec()), budget);
     slices(opened, budget);
 }
 
 /// A slice of a grey volume as PNG.
-pub fn ct_png(data: &[u8]) {
+fn ct_png(data: &[u8]) {
     let budget = &mut Budget::new(MAX_BYTES);
     let opened = PngSlices::new(Cursor::new(data.to_vec()), budget);
     slices(opened, budget);
 }
 
 /// A grey volume as image data of VTK.
-pub fn vti(data: &[u8]) {
+fn vti(data: &[u8]) {
     let budget = &mut Budget::new(MAX_BYTES);
     let opened = VtiSlices::new(Cursor::new(data.to_vec()), None, budget);
     slices(opened, budget);
@@ -193,23 +192,23 @@ const PLACEMENT: organza_mesh::Placement = organza_mesh::Placement {
 };
 
 /// A Wavefront OBJ.
-pub fn obj(data: &[u8]) {
+fn obj(data: &[u8]) {
     let _ = organza_mesh::read_obj(data, PLACEMENT, &mut Budget::new(MAX_BYTES));
 }
 
 /// A Stanford PLY, text or binary.
-pub fn ply(data: &[u8]) {
+fn ply(data: &[u8]) {
     let _ = organza_mesh::read_ply(data, PLACEMENT, &mut Budget::new(MAX_BYTES));
 }
 
 /// A glTF as text or binary; there are no files beside it.
-pub fn gltf(data: &[u8]) {
+fn gltf(data: &[u8]) {
     let none = |_: &str| Err(std::io::ErrorKind::NotFound.into());
     let _ = organza_mesh::read_gltf(data, PLACEMENT, &none, &mut Budget::new(MAX_BYTES));
 }
 
 /// A picture in any format.
-pub fn picture(data: &[u8]) {
+fn picture(data: &[u8]) {
     if let Ok((picture, _)) = organza_picture::decode(data, MAX_BYTES) {
         let count = u64::from(picture.size.x) * u64::from(picture.size.y);
         assert_eq!(picture.pixels.len() as u64, count);
@@ -217,14 +216,14 @@ pub fn picture(data: &[u8]) {
 }
 
 /// A BSDF on the Klems basis, as XML.
-pub fn klems(data: &[u8]) {
+fn klems(data: &[u8]) {
     if let Ok(bsdf) = organza_measure::read_klems(&String::from_utf8_lossy(data)) {
         let _ = bsdf.pairs();
     }
 }
 
 /// A far-field table; also with a checksum that is right, so that what follows it is tried.
-pub fn far_table(data: &[u8]) {
+fn far_table(data: &[u8]) {
     use organza_surface::table::{read_table, sealed};
     let content = &data[..data.len().saturating_sub(32)];
     for bytes in [data.to_vec(), sealed(content.to_vec())] {
@@ -242,7 +241,7 @@ pub fn far_table(data: &[u8]) {
 }
 
 /// Pairs of directions, directions, or measured values.
-pub fn pairs(data: &[u8]) {
+fn pairs(data: &[u8]) {
     let text = String::from_utf8_lossy(data);
     let _ = organza_measure::parse_pairs(&text);
     let _ = organza_measure::parse_incident(&text);
@@ -250,18 +249,18 @@ pub fn pairs(data: &[u8]) {
 }
 
 /// A scene file, as `organza info` reads it.
-pub fn scene(data: &[u8]) {
-    run(data, "scene.toml", &["info", "scene.toml", "--quiet"]);
+fn scene(data: &[u8]) {
+    run(data, "scene.toml", "info scene.toml --quiet");
 }
 
 /// A fabric file, as `organza info` reads it.
-pub fn fabric(data: &[u8]) {
-    run(data, "fabric.toml", &["info", "fabric.toml", "--quiet"]);
+fn fabric(data: &[u8]) {
+    run(data, "fabric.toml", "info fabric.toml --quiet");
 }
 
 /// A checkpoint from which a render resumes: as it is, and as the records of one under a head that
 /// is right, a line each.
-pub fn checkpoint(data: &[u8]) {
+fn checkpoint(data: &[u8]) {
     let scene = "[camera]\norigin_mm=[0,0,1]\ntarget_mm=[0,0,0]\nwidth_mm=1\nresolution=[2,2]\n";
     let _ = std::fs::write(folder().join("blank.toml"), scene);
     let work = Work {
@@ -272,34 +271,19 @@ pub fn checkpoint(data: &[u8]) {
     let records = data.split(|&byte| byte == b'\n').map(<[u8]>::to_vec);
     let _ = Journal::write(&mut sealed, &work, records);
     for state in [data, &sealed] {
-        run(
-            state,
-            "state",
-            &[
-                "render",
-                "blank.toml",
-                "-o",
-                "out.exr",
-                "--spp",
-                "1",
-                "--quiet",
-                "--checkpoint",
-                "state",
-                "--resume",
-            ],
-        );
+        let render = "render blank.toml -o out.exr --spp 1 --quiet --checkpoint state --resume";
+        run(state, "state", render);
     }
 }
 
 /// A part of a picture that is to be merged.
-pub fn part(data: &[u8]) {
-    let arguments = ["merge", "part.exr", "-o", "all.exr", "--quiet"];
-    run(data, "part.exr", &arguments);
+fn part(data: &[u8]) {
+    run(data, "part.exr", "merge part.exr -o all.exr --quiet");
 }
 
 /// A journal of numbers: as it is, and as a record under a head that is right. What can be opened
 /// is found again when it is opened once more.
-pub fn journal(data: &[u8]) {
+fn journal(data: &[u8]) {
     let work = Work {
         command: "fit",
         key: "search",
@@ -329,7 +313,7 @@ pub fn journal(data: &[u8]) {
 }
 
 /// Pictures of another program, of two pixels each.
-pub fn peer(data: &[u8]) {
+fn peer(data: &[u8]) {
     let path = folder().join("peer.json");
     if std::fs::write(&path, data).is_err() {
         return;
@@ -340,7 +324,7 @@ pub fn peer(data: &[u8]) {
 /// A connection to the live page: the bytes of requests to a session of its own. They are
 /// answered, none of them reaches a file outside the folder, and the document stays one that
 /// can be read.
-pub fn view(data: &[u8]) {
+fn view(data: &[u8]) {
     static DOCUMENT: OnceLock<Option<Document>> = OnceLock::new();
     let document = DOCUMENT.get_or_init(|| {
         let folder = folder().join("served");
@@ -379,13 +363,13 @@ fn folder() -> PathBuf {
 
 /// Runs the program in this process on a file that holds `data`; a name among
 /// the arguments that has a dot or is the file's is put in the folder.
-fn run(data: &[u8], name: &str, arguments: &[&str]) {
+fn run(data: &[u8], name: &str, line: &str) {
     let folder = folder();
     if std::fs::write(folder.join(name), data).is_err() {
         return;
     }
-    let placed = arguments.iter().map(|a| {
-        if *a == name || a.contains('.') {
+    let placed = line.split(' ').map(|a| {
+        if a == name || a.contains('.') {
             folder.join(a).into_os_string()
         } else {
             a.into()

@@ -1,7 +1,8 @@
 //! Optics of volumes found from pictures and pairs: what was planted comes back.
 
-use crate::program::{argv, complaint, exr_channels, folder, succeed};
+use crate::program::{complaint, exr_channels, folder, succeed};
 use organza_basis::{Budget, PathRng};
+use organza_testing::assert_contains;
 use organza_volume::ovox;
 use serde_json::Value;
 use std::path::Path;
@@ -44,10 +45,9 @@ fn scenes(test: &str) -> std::path::PathBuf {
 }
 
 /// The fitted value and error of each parameter, and whether the data fixes it.
-fn fitted(folder: &Path, more: &[&str]) -> (String, Vec<(String, f64, f64, bool)>) {
-    let mut words = argv("fit volume scene.toml -o fitted.toml --json --quiet");
-    words.extend(more);
-    let answer: Value = serde_json::from_str(&succeed(folder, &words)).unwrap();
+fn fitted(folder: &Path, more: &str) -> (String, Vec<(String, f64, f64, bool)>) {
+    let fit = format!("fit volume scene.toml -o fitted.toml --json --quiet {more}");
+    let answer: Value = serde_json::from_str(&succeed(folder, &fit)).unwrap();
     let list = answer["parameters"].as_array().unwrap().iter().map(|p| {
         let number = |key: &str| p[key].as_f64().unwrap();
         let name = p["name"].as_str().unwrap().to_owned();
@@ -63,7 +63,7 @@ fn fitted(folder: &Path, more: &[&str]) -> (String, Vec<(String, f64, f64, bool)
 
 /// The planted picture, with noise and blurred as a camera would.
 fn photograph(folder: &Path, noise: f32, blur_px: f32) {
-    let words = argv("render planted.toml -o clean.exr --spp 128 --seed 7");
+    let words = "render planted.toml -o clean.exr --spp 128 --seed 7";
     succeed(folder, &words);
     let channels = exr_channels(&folder.join("clean.exr"));
     let mut rng = PathRng::from_seed(11);
@@ -119,9 +119,9 @@ fn optics_planted_in_a_picture_are_found() {
     let folder = scenes("appearance_picture");
     // Noise of 5 % of the mean of red, another seed.
     photograph(&folder, 0.01, 0.0);
-    let flags = argv("--data photo.exr --spp 16 --seed 1");
-    let noise = ["--noise", "0.01"];
-    let (words, list) = fitted(&folder, &[&flags[..], &noise].concat());
+    let flags = "--data photo.exr --spp 16 --seed 1";
+    let noise = "--noise 0.01";
+    let (words, list) = fitted(&folder, &format!("{flags} {noise}"));
     assert!(words.starts_with("Met"), "{words}");
     let colours = [
         ("*.albedo.r", PLANTED[0], 0.02),
@@ -133,10 +133,7 @@ fn optics_planted_in_a_picture_are_found() {
     // The scene that is written has the picture.
     let written = std::fs::read_to_string(folder.join("fitted.toml")).unwrap();
     assert!(written.contains("[object.optics.\"*\"]") && written.contains("gamma = 0.2"));
-    succeed(
-        &folder,
-        &["render", "fitted.toml", "-o", "again.exr", "--spp", "64"],
-    );
+    succeed(&folder, "render fitted.toml -o again.exr --spp 64");
     for c in ["R", "G", "B"] {
         let mean = |name: &str| {
             let list = &exr_channels(&folder.join(name))[c];
@@ -147,10 +144,10 @@ fn optics_planted_in_a_picture_are_found() {
     }
     // A picture out of focus: with its blur told the width is found, without it is too large.
     photograph(&folder, 0.0, 1.2);
-    let (_, list) = fitted(&folder, &[&flags[..], &["--blur-px", "1.2"]].concat());
+    let (_, list) = fitted(&folder, &format!("{flags} --blur-px 1.2"));
     check(&list, &colours);
     check(&list, &[("gamma", GAMMA, 0.06)]);
-    let (_, list) = fitted(&folder, &flags);
+    let (_, list) = fitted(&folder, flags);
     let gamma = list.iter().find(|p| p.0 == "gamma").unwrap();
     assert!(gamma.1 > 1.3 * GAMMA, "{gamma:?}");
 }
@@ -161,12 +158,13 @@ fn optics_and_density_planted_in_pairs_are_found() {
     let pairs = "theta_i,phi_i,theta_o,phi_o\n30,0,0,0\n30,0,30,180\n60,0,30,90\n\
                  30,90,30,270\n0,0,150,0\n30,0,180,0\n60,90,130,200\n45,45,20,300\n";
     std::fs::write(folder.join("pairs.csv"), pairs).unwrap();
-    let words = argv("measure thin.toml --pairs pairs.csv -o measured.csv");
-    let effort = ["--spp", "20000", "--seed", "5", "--quiet"];
-    succeed(&folder, &[&words[..], &effort].concat());
+    succeed(
+        &folder,
+        "measure thin.toml --pairs pairs.csv -o measured.csv --spp 20000 --seed 5 --quiet",
+    );
     // With 700 paths the answer depends on the seed by more than its error says.
-    let flags = argv("--data measured.csv --spp 3000 --seed 1");
-    let (words, list) = fitted(&folder, &[&flags[..], &["--fit-density"]].concat());
+    let flags = "--data measured.csv --spp 3000 --seed 1";
+    let (words, list) = fitted(&folder, &format!("{flags} --fit-density"));
     assert!(words.starts_with("Met"), "{words}");
     check(
         &list,
@@ -179,7 +177,7 @@ fn optics_and_density_planted_in_pairs_are_found() {
         ],
     );
     // The known-bad twin: at the density of the file another width has to make up for it.
-    let (words, list) = fitted(&folder, &flags);
+    let (words, list) = fitted(&folder, flags);
     let gamma = list.iter().find(|p| p.0 == "gamma").unwrap();
     let is_off = (gamma.1 - GAMMA).abs() > 0.04 || words.starts_with("Not met");
     assert!(is_off, "{words} {gamma:?}");
@@ -215,42 +213,31 @@ fn materials_of_a_volume_without_a_fabric_have_names() {
              kind = 'volume'\nfile = '{file}'\ndensity_scale = 2.0\n{optics}"
         );
         std::fs::write(folder.join("scene.toml"), text).unwrap();
-        ["render", "scene.toml", "-o", "out.exr"]
+        "render scene.toml -o out.exr"
     };
     let red = "[object.optics.weft]\nalbedo = [0.9, 0.1, 0.1]\n";
     let all = format!("{red}[object.optics.warp]\nalbedo = [0.1, 0.1, 0.9]\n");
     succeed(&folder, &scene("named.ovox", &all));
     let near = red.replace("weft", "wefts");
-    let why = complaint(&folder, &scene("named.ovox", &near));
-    assert!(why.contains("did you mean `weft`?"), "{why}");
+    let said = complaint(&folder, &scene("named.ovox", &near));
+    assert_contains(&said, "did you mean `weft`?");
     let why = complaint(&folder, &scene("broken.ovox", &all));
-    assert!(
-        why.contains("broken.ovox: its scan.toml: invalid type"),
-        "{why}"
-    );
+    assert_contains(&why, "broken.ovox: its scan.toml: invalid type");
     // Twice the fibre lets less light through.
-    let fit = argv("fit volume scene.toml -o f.toml --data out.exr");
-    let why = complaint(&folder, &fit);
-    assert!(why.contains("scan.toml"), "{why}");
+    let fit = "fit volume scene.toml -o f.toml --data out.exr";
+    assert_contains(&complaint(&folder, &fit), "scan.toml");
     scene("named.ovox", &all);
-    let why = complaint(&folder, &fit);
-    assert!(
-        why.contains("--region 0,0,8,8: expected at least 16 x 16"),
-        "{why}"
-    );
-    let region = ["--region-of", "weft=0,0,2,2"];
-    let why = complaint(
-        &folder,
-        &[&fit[..], &["--region-of", "wert=0,0,2,2"]].concat(),
-    );
+    let said = complaint(&folder, &fit);
+    assert_contains(&said, "--region 0,0,8,8: expected at least 16 x 16");
+    let why = complaint(&folder, &format!("{fit} --region-of wert=0,0,2,2"));
     assert!(
         why.contains("16 x 16") || why.contains("it has warp, weft"),
         "{why}"
     );
-    let why = complaint(&folder, &[&fit[..6], &["out.csv"], &region[..]].concat());
-    assert!(
-        why.contains("--region-of: applies only to a picture"),
-        "{why}"
+    let why = complaint(
+        &folder,
+        &(fit.replace("out.exr", "out.csv") + " --region-of weft=0,0,2,2"),
     );
+    assert_contains(&why, "--region-of: applies only to a picture");
     assert!(!folder.join("f.toml").exists());
 }

@@ -1,24 +1,14 @@
 //! `organza bake` as its users run it: all files or none, the same on any number of threads,
 //! and clear refusals.
 
-use crate::program::{complaint, contents, folder, succeed};
+use crate::program::{argv, complaint, contents, folder, succeed};
+use organza_testing::assert_contains;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// A bake that takes a second: sheer silk, few texels and pairs.
-const QUICK: [&str; 10] = [
-    "--resolution",
-    "32",
-    "--texel-spp",
-    "8",
-    "--pairs",
-    "64",
-    "--spp",
-    "128",
-    "--fit-texels",
-    "16",
-];
+const QUICK: &str = "--resolution 32 --texel-spp 8 --pairs 64 --spp 128 --fit-texels 16";
 
 fn fabric(name: &str) -> String {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -32,7 +22,7 @@ fn a_bake_writes_the_same_folder_on_any_number_of_threads() {
     let silk = fabric("organza.toml");
     let bake = |out: &str, threads: &str| {
         let mut arguments = vec!["bake", &silk, "-o", out, "--threads", threads];
-        arguments.extend(QUICK);
+        arguments.extend(argv(QUICK));
         succeed(&folder, &arguments)
     };
     let printed = bake("one", "1");
@@ -95,12 +85,7 @@ fn colourways_share_the_files_and_must_have_the_same_threads() {
     let named = |name: &str| format!("name = \"{name}\"\n{}", text.replace("name = ", "# "));
     write("ivory.toml", &named("ivory"));
     write("wine.toml", &named("wine"));
-    let bake = |second: &'static str| {
-        let mut arguments = vec!["bake", "ivory.toml", second, "-o", "out"];
-        arguments.extend(["--repeats", "2,1"]);
-        arguments.extend(QUICK);
-        arguments
-    };
+    let bake = |second| format!("bake ivory.toml {second} -o out --repeats 2,1 {QUICK}");
     succeed(&folder, &bake("wine.toml"));
     let files = contents(&folder.join("out"));
     let json: serde_json::Value = serde_json::from_slice(&files["bake.json"]).unwrap();
@@ -126,8 +111,7 @@ fn colourways_share_the_files_and_must_have_the_same_threads() {
         ("ivory.toml", "name: is ivory"),
         ("finer.toml", "the same threads"),
     ] {
-        let said = complaint(&folder, &bake(twin));
-        assert!(said.contains(words), "{said}");
+        assert_contains(&complaint(&folder, &bake(twin)), words);
         assert!(!folder.join("out").exists());
     }
 }
@@ -150,8 +134,8 @@ fn what_cannot_be_baked_is_refused_and_leaves_nothing() {
         "{words}"
     );
     std::fs::write(folder.join("taken"), "a file").unwrap();
-    let words = complaint(&folder, &["bake", &silk, "-o", "taken"]);
-    assert!(words.contains("taken: is a file"), "{words}");
+    let said = complaint(&folder, &["bake", &silk, "-o", "taken"]);
+    assert_contains(&said, "taken: is a file");
 }
 
 #[test]
@@ -159,7 +143,7 @@ fn a_killed_bake_leaves_a_whole_folder_or_none() {
     let folder = folder("bake_killed");
     let silk = fabric("organza.toml");
     let mut arguments = vec!["bake", &silk, "-o", "out", "--threads", "1", "--quiet"];
-    arguments.extend(QUICK);
+    arguments.extend(argv(QUICK));
     let started = Instant::now();
     succeed(&folder, &arguments);
     let whole_s = started.elapsed().as_secs_f64();

@@ -1,7 +1,8 @@
 //! `organza bench` and `model = "auto"`, tiny.
 
 use crate::fabrics::cotton;
-use crate::program::{argv, complaint, folder, succeed};
+use crate::program::{complaint, folder, succeed};
+use organza_testing::assert_contains;
 use std::path::Path;
 
 /// Few thick fibres in large voxels: little to trace.
@@ -36,14 +37,12 @@ fn json(folder: &Path, name: &str) -> serde_json::Value {
 fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
     let folder = folder("bench");
     std::fs::write(folder.join("plain.toml"), fabric()).unwrap();
-    let bench = argv(
-        "bench plain.toml -o report --quick --resolution 4 --spp 8 --truth-spp 16 --set \
-         render.max_bounces=8 --set render.cache_learning=0.01",
-    );
-    let said = succeed(&folder, &bench);
-    assert!(
-        said.contains("plain, pixels of 0.1 mm (34 cm away), lit from the front, within 2.0 %: "),
-        "{said}"
+    let bench = "bench plain.toml -o report --quick --resolution 4 --spp 8 --truth-spp 16 \
+        --set render.max_bounces=8 --set render.cache_learning=0.01";
+    let said = succeed(&folder, bench);
+    assert_contains(
+        &said,
+        "plain, pixels of 0.1 mm (34 cm away), lit from the front, within 2.0 %: ",
     );
     let report = folder.join("report");
     let first = json(&report, "report.json");
@@ -84,11 +83,7 @@ fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
         "mean": colour, "variance": noise,
     }]});
     std::fs::write(folder.join("peer.json"), peer.to_string()).unwrap();
-    let with_peer: Vec<&str> = bench
-        .iter()
-        .copied()
-        .chain(["--peer", "peer.json"])
-        .collect();
+    let with_peer = format!("{bench} --peer peer.json");
     succeed(&folder, &with_peer);
     let second = json(&report, "report.json");
     let view = |report: &serde_json::Value| report["fabrics"][0]["views"][0]["results"].clone();
@@ -98,7 +93,7 @@ fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
         "grey"
     );
     assert_eq!(
-        complaint(&folder, &["bench", "denin", "-o", "report"]),
+        complaint(&folder, "bench denin -o report"),
         "organza: denin: expected the name of a fabric file (.toml) or one of denim, charmeuse, \
          organza; did you mean \"denim\"?"
     );
@@ -116,19 +111,19 @@ fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
 fn a_bench_of_usual_trackers_compares_with_fibres_in_the_kernel() {
     let folder = folder("bench_usual");
     std::fs::write(folder.join("plain.toml"), fabric()).unwrap();
-    let mut bench = vec!["bench", "plain.toml", "-o", "report", "--quick"];
-    bench.extend(["--resolution", "4", "--spp", "8", "--truth-spp", "16"]);
-    bench.extend(["--set", "render.max_bounces=8"]);
-    bench.extend(["--set", "render.cache_learning=0.01"]);
-    bench.extend(["--trackers", "usual", "--pixel-mm", "0.05,0.2"]);
-    succeed(&folder, &bench);
+    succeed(
+        &folder,
+        "bench plain.toml -o report --quick --resolution 4 --spp 8 --truth-spp 16 \
+         --set render.max_bounces=8 --set render.cache_learning=0.01 \
+         --trackers usual --pixel-mm 0.05,0.2",
+    );
     let report = json(&folder.join("report"), "report.json");
     let views = report["fabrics"][0]["views"].as_array().unwrap();
     assert_eq!(views.len(), 4, "two widths, lit from two sides");
     // Four pixels across a gap, lit from the front: black, which ends this view only.
     assert_eq!(views[0]["results"].as_array().unwrap().len(), 0);
     let why = views[0]["refused"][0]["why"].as_str().unwrap();
-    assert!(why.contains("black"), "{why}");
+    assert_contains(why, "black");
     for view in &views[2..] {
         let results = view["results"].as_array().unwrap();
         assert_eq!(view["pixel_mm"], 0.2, "{view}");
@@ -148,12 +143,12 @@ fn a_bench_of_usual_trackers_compares_with_fibres_in_the_kernel() {
 /// A bench that was copied beside its fabric is what `model = "auto"` chooses by.
 fn auto_uses_the_bench_beside_a_fabric(folder: &Path) {
     std::fs::write(folder.join("scene.toml"), SCENE_OF_AUTO).unwrap();
-    let info = || succeed(folder, &["info", "scene.toml"]);
+    let info = || succeed(folder, "info scene.toml");
     let beside = folder.join("plain.choices.csv");
     assert!(info().contains("the fabric most like it"));
     std::fs::copy(folder.join("report/choices.csv"), &beside).unwrap();
     let said = info();
-    assert!(said.contains("measured in plain.choices.csv"), "{said}");
+    assert_contains(&said, "measured in plain.choices.csv");
     // Of another cloth.
     let fabric = std::fs::read_to_string(folder.join("plain.toml")).unwrap();
     std::fs::write(
@@ -161,10 +156,7 @@ fn auto_uses_the_bench_beside_a_fabric(folder: &Path) {
         fabric.replace("fibre_radius_um = 12.0", "fibre_radius_um = 14.0"),
     )
     .unwrap();
-    let said = succeed(
-        folder,
-        &["render", "scene.toml", "-o", "a.exr", "--spp", "1"],
-    );
+    let said = succeed(folder, "render scene.toml -o a.exr --spp 1");
     let warning = "plain.choices.csv: was measured on another fabric than plain.toml; \
                    model = \"auto\" leaves it out";
     assert!(
@@ -174,7 +166,7 @@ fn auto_uses_the_bench_beside_a_fabric(folder: &Path) {
     // Damaged.
     let rows = std::fs::read_to_string(&beside).unwrap();
     std::fs::write(&beside, rows.replacen(",fibres,", ",fibers,", 1)).unwrap();
-    let words = complaint(folder, &["info", "scene.toml"]);
+    let words = complaint(folder, "info scene.toml");
     assert!(
         words.starts_with("organza: plain.choices.csv: line 2: ")
             && words.ends_with("expected the choices.csv of `organza bench`"),
@@ -189,18 +181,18 @@ fn auto_takes_what_it_says() {
     std::fs::write(folder.join("plain.toml"), fabric()).unwrap();
     let scene = SCENE_OF_AUTO;
     std::fs::write(folder.join("scene.toml"), scene).unwrap();
-    let render = argv("render scene.toml -o a.exr --spp 4 --json");
+    let render = "render scene.toml -o a.exr --spp 4 --json";
     let said = succeed(&folder, &render);
     let printed: serde_json::Value =
         serde_json::from_str(&said[said.find('{').unwrap()..=said.rfind('}').unwrap()]).unwrap();
     let chosen = &printed["chosen"][0];
     assert_eq!(chosen["lit"][0], "front");
     let words = chosen["what"].as_str().unwrap();
-    assert!(
-        said.contains(&format!("scene.toml: object[0]: auto takes {words}: ")),
-        "{said}"
+    assert_contains(
+        &said,
+        &format!("scene.toml: object[0]: auto takes {words}: "),
     );
-    let info = succeed(&folder, &["info", "scene.toml", "--json"]);
+    let info = succeed(&folder, "info scene.toml --json");
     let info: serde_json::Value = serde_json::from_str(&info).unwrap();
     assert_eq!(info["chosen"][0]["what"], chosen["what"]);
     let choice = &chosen["recommendation"]["taken"]["choice"];
@@ -220,10 +212,7 @@ fn auto_takes_what_it_says() {
         )
         .replace("tolerance = 0.3\n", "");
     std::fs::write(folder.join("named.toml"), named).unwrap();
-    succeed(
-        &folder,
-        &["render", "named.toml", "-o", "b.exr", "--spp", "4"],
-    );
+    succeed(&folder, "render named.toml -o b.exr --spp 4");
     let sums = |name: &str| crate::program::exr_channels(&folder.join(name));
     assert!(sums("a.exr") == sums("b.exr"));
 }
@@ -259,7 +248,7 @@ fn auto_counts_with_the_cache_of_a_picture() {
             0.03 * f64::from(edge),
         );
         std::fs::write(folder.join("scene.toml"), scene).unwrap();
-        let info = succeed(&folder, &["info", "scene.toml", "--json"]);
+        let info = succeed(&folder, "info scene.toml --json");
         let info: serde_json::Value = serde_json::from_str(&info).unwrap();
         let choice = info["chosen"][0]["recommendation"]["taken"]["choice"].clone();
         let [model, tracker] = ["model", "tracker"].map(|k| choice[k].as_str().unwrap().to_owned());

@@ -1,9 +1,10 @@
 //! Cloths of blocks through the program: files in every format, and levels of detail.
 
-use crate::program::{bytes, complaint, folder, organza, succeed};
+use crate::program::{bytes, complaint, ended, folder, organza, succeed};
 use glam::UVec3;
 use organza_basis::Budget;
 use organza_scatter::{FlakeMaterials, FlakeOptics};
+use organza_testing::assert_contains;
 use organza_volume::format::{self, Source, Volume};
 use organza_volume::{GridSet, Octree, ovox};
 use std::path::Path;
@@ -61,7 +62,7 @@ fn every_format_holds_the_voxels_of_all_blocks() {
     let folder = folder("block-files");
     write_cloth(&folder, "2, 3");
     for name in ["a.ovox", "a.vol", "a.vdb", "a.nrrd"] {
-        succeed(&folder, &["voxelize", "cloth.toml", "-o", name, "--quiet"]);
+        succeed(&folder, &format!("voxelize cloth.toml -o {name} --quiet"));
     }
     let octree = ovox::read(
         &mut &bytes(&folder, "a.ovox")[..],
@@ -86,14 +87,11 @@ fn grids_of_a_large_cloth_are_refused() {
     let folder = folder("block-files-large");
     write_cloth(&folder, "400, 400");
     for name in ["a.vol", "a.vdb"] {
-        let arguments = ["voxelize", "cloth.toml", "-o", name, "--quiet"];
-        let said = complaint(
-            &folder,
-            &[&arguments[..], &["--max-memory", "400MiB"]].concat(),
-        );
+        let arguments = format!("voxelize cloth.toml -o {name} --quiet");
+        let said = complaint(&folder, &format!("{arguments} --max-memory 400MiB"));
         let expected = "bytes of memory, 419430400 are allowed: use larger voxels";
-        assert!(said.contains(&format!("organza: {name}: ")), "{said}");
-        assert!(said.contains(expected), "{said}");
+        assert_contains(&said, &format!("organza: {name}: "));
+        assert_contains(&said, expected);
         assert_eq!(organza_testing::file_names(&folder), ["cloth.toml"]);
     }
 }
@@ -123,12 +121,9 @@ fn an_interrupted_file_leaves_nothing() {
     while !is_writing() && started.elapsed() < Duration::from_secs(120) {
         std::thread::sleep(Duration::from_millis(10));
     }
-    let id = child.id().to_string();
-    let sent = Command::new("kill").args(["-INT", &id]).status().unwrap();
-    assert!(sent.success());
+    crate::program::signal(&child, "-INT");
     let out = child.wait_with_output().unwrap();
-    let said = String::from_utf8_lossy(&out.stderr);
-    assert_eq!(out.status.code(), Some(1), "{said}");
+    let said = ended(&out, 1);
     assert!(
         said.contains("cannot write a.nrrd") && said.contains("interrupted"),
         "{said}"
@@ -151,10 +146,7 @@ fn levels_of_blocks_follow_the_width_of_a_pixel() {
              lod = {lod}\n"
         );
         std::fs::write(folder.join("scene.toml"), scene).unwrap();
-        let out = organza(
-            &folder,
-            &["render", "scene.toml", "-o", "a.exr", "--spp", "1"],
-        );
+        let out = organza(&folder, "render scene.toml -o a.exr --spp 1");
         assert!(
             out.status.success(),
             "{}",

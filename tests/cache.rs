@@ -3,6 +3,7 @@
 
 use crate::fabrics::cotton;
 use crate::program::{bytes, complaint, folder, organza, succeed};
+use organza_testing::assert_contains;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, SystemTime};
@@ -56,85 +57,82 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// The picture of the scene with further flags, and what the program printed.
-fn rendered(folder: &Path, more: &[&str]) -> (Vec<u8>, String) {
-    let render = ["render", "scene.toml", "-o", "out.exr"];
-    let printed = succeed(folder, &[&render[..], more].concat());
+fn rendered(folder: &Path, more: &str) -> (Vec<u8>, String) {
+    let render = "render scene.toml -o out.exr";
+    let printed = succeed(folder, &format!("{render} {more}"));
     (bytes(folder, "out.exr"), printed)
 }
 
 #[test]
 fn results_are_the_same_with_a_cache_and_without() {
     let folder = workplace("cache-results");
-    let cached = ["--cache", "cache"];
-    let (plain, _) = rendered(&folder, &[]);
+    let cached = "--cache cache";
+    let (plain, _) = rendered(&folder, "");
     assert!(entries(&folder).is_empty(), "off unless asked for");
-    let (first, printed) = rendered(&folder, &cached);
+    let (first, printed) = rendered(&folder, cached);
     assert!(!printed.contains("from the cache"), "{printed}");
     assert_eq!(entries(&folder).len(), 1);
-    let (second, printed) = rendered(&folder, &cached);
-    assert!(
-        printed.contains("cloth.toml: its volume is from the cache"),
-        "{printed}"
-    );
+    let (second, printed) = rendered(&folder, cached);
+    assert_contains(&printed, "cloth.toml: its volume is from the cache");
     assert!(plain == first && plain == second);
     // Other commands make and take the same volumes. Here without measured packing, which
     // takes most of the time.
-    let volume = |name: &str, cache: &[&str]| {
-        let voxelize = ["voxelize", "cloth.toml", "-o", name];
-        let printed = succeed(&folder, &[&voxelize[..], cache].concat());
+    let volume = |name: &str, cache: &str| {
+        let voxelize = format!("voxelize cloth.toml -o {name}");
+        let printed = succeed(&folder, &format!("{voxelize} {cache}"));
         (bytes(&folder, name), printed.contains("from the cache"))
     };
-    let (fresh, _) = volume("a.ovox", &[]);
-    assert_eq!(volume("b.ovox", &cached), (fresh.clone(), false));
-    assert_eq!(volume("b.ovox", &cached), (fresh, true));
-    let table = |name: &str, cache: &[&str]| {
-        let measure = ["measure", "cloth.toml", "-o", name, "--layout", "grid"];
-        let small = ["--grid", "1,2", "--spp", "16"];
-        let printed = succeed(&folder, &[&measure[..], &small, cache].concat());
+    let (fresh, _) = volume("a.ovox", "");
+    assert_eq!(volume("b.ovox", cached), (fresh.clone(), false));
+    assert_eq!(volume("b.ovox", cached), (fresh, true));
+    let table = |name: &str, cache: &str| {
+        let measure = format!("measure cloth.toml -o {name} --layout grid");
+        let small = "--grid 1,2 --spp 16";
+        let printed = succeed(&folder, &format!("{measure} {small} {cache}"));
         (bytes(&folder, name), printed.contains("from the cache"))
     };
-    let (fresh, _) = table("a.csv", &[]);
-    assert_eq!(table("b.csv", &cached), (fresh, true));
+    let (fresh, _) = table("a.csv", "");
+    assert_eq!(table("b.csv", cached), (fresh, true));
     assert_eq!(entries(&folder).len(), 2);
     // The variable does what the flag does, and the flag can turn it off.
-    let by_variable = |more: &[&str]| {
+    let by_variable = |more: &str| {
         let out = Command::new(env!("CARGO_BIN_EXE_organza"))
             .current_dir(&folder)
             .env("ORGANZA_CACHE", "cache")
             .args(["voxelize", "cloth.toml", "-o", "c.ovox"])
-            .args(more)
+            .args(more.split_whitespace())
             .output();
         let out = out.unwrap();
         assert!(out.status.success());
         String::from_utf8_lossy(&out.stderr).contains("from the cache")
     };
-    assert!(by_variable(&[]));
-    assert!(!by_variable(&["--cache", "off"]));
+    assert!(by_variable(""));
+    assert!(!by_variable("--cache off"));
 }
 
 #[test]
 fn whatever_changes_a_volume_has_an_entry_of_its_own() {
     let folder = workplace("cache-keys");
     let mut count = 0;
-    let mut volume = |more: &[&str], is_new: bool| {
-        let voxelize = ["voxelize", "cloth.toml", "--quiet", "-o"];
-        let with = |name, cache: &[&str]| {
-            succeed(&folder, &[&voxelize[..], &[name], more, cache].concat());
+    let mut volume = |more: &str, is_new: bool| {
+        let voxelize = "voxelize cloth.toml --quiet -o";
+        let with = |name, cache: &str| {
+            succeed(&folder, &format!("{voxelize} {name} {more} {cache}"));
             bytes(&folder, name)
         };
         assert!(
-            with("a.ovox", &["--cache", "cache"]) == with("b.ovox", &[]),
+            with("a.ovox", "--cache cache") == with("b.ovox", ""),
             "{more:?}"
         );
         count += usize::from(is_new);
         assert_eq!(entries(&folder).len(), count, "{more:?}");
     };
-    volume(&[], true);
-    volume(&["--threads", "1", "--max-memory", "1GiB"], false);
-    volume(&["--voxel-um", "50"], true);
-    volume(&["--levels", "2"], true);
-    volume(&["--set", "seed=5"], true);
-    volume(&["--set", "weft.per_cm=17"], true);
+    volume("", true);
+    volume("--threads 1 --max-memory 1GiB", false);
+    volume("--voxel-um 50", true);
+    volume("--levels 2", true);
+    volume("--set seed=5", true);
+    volume("--set weft.per_cm=17", true);
     // The content of a file counts, not its name.
     let wif = |first: &str| {
         let text = format!(
@@ -145,16 +143,13 @@ fn whatever_changes_a_volume_has_an_entry_of_its_own() {
         );
         std::fs::write(folder.join("draft.wif"), text).unwrap();
     };
-    let draft = ["--set", "draft={wif=\"draft.wif\"}"];
+    let draft = "--set draft={wif=\"draft.wif\"}";
     wif("1");
-    volume(&draft, true);
+    volume(draft, true);
     wif("1,2");
-    volume(&draft, true);
+    volume(draft, true);
     std::fs::rename(folder.join("cloth.toml"), folder.join("other.toml")).unwrap();
-    succeed(
-        &folder,
-        &["voxelize", "other.toml", "-o", "c.ovox", "--cache", "cache"],
-    );
+    succeed(&folder, "voxelize other.toml -o c.ovox --cache cache");
     assert_eq!(entries(&folder).len(), count);
 }
 
@@ -162,8 +157,8 @@ fn whatever_changes_a_volume_has_an_entry_of_its_own() {
 fn a_damaged_entry_is_built_anew_with_a_warning() {
     let folder = workplace("cache-damage");
     write_quick_scene(&folder);
-    let cached = ["--cache", "cache"];
-    let (plain, _) = rendered(&folder, &cached);
+    let cached = "--cache cache";
+    let (plain, _) = rendered(&folder, cached);
     let [entry] = &entries(&folder)[..] else {
         panic!("one entry");
     };
@@ -172,10 +167,7 @@ fn a_damaged_entry_is_built_anew_with_a_warning() {
     let mut altered = whole.clone();
     altered[middle] ^= 1;
     // A volume of another key, whole in itself: the twin that a checksum alone would pass.
-    succeed(
-        &folder,
-        &["voxelize", "cloth.toml", "-o", "a.ovox", "--cache", "cache"],
-    );
+    succeed(&folder, "voxelize cloth.toml -o a.ovox --cache cache");
     let other = entries(&folder).into_iter().find(|path| path != entry);
     let other = std::fs::read(other.unwrap()).unwrap();
     for (wrong, why) in [
@@ -185,10 +177,10 @@ fn a_damaged_entry_is_built_anew_with_a_warning() {
         (other, "belongs to another key"),
     ] {
         std::fs::write(entry, wrong).unwrap();
-        let (picture, printed) = rendered(&folder, &cached);
+        let (picture, printed) = rendered(&folder, cached);
         assert!(picture == plain, "{why}");
         let warning = format!("{why}; the volume is built anew");
-        assert!(printed.contains(&warning), "{printed}");
+        assert_contains(&printed, &warning);
         assert!(std::fs::read(entry).unwrap() == whole, "{why}");
     }
 }
@@ -207,15 +199,11 @@ fn start(folder: &Path, name: &str) -> Child {
 #[test]
 fn runs_at_once_and_killed_ones_leave_a_cache_that_works() {
     let folder = workplace("cache-crowd");
-    // Without measured packing, which takes most of the time.
-    let scene = SCENE
-        .replace("packed", "microflake")
-        .replace("40.0", "20.0");
-    std::fs::write(folder.join("scene.toml"), scene).unwrap();
-    let (plain, _) = rendered(&folder, &[]);
+    write_quick_scene(&folder);
+    let (plain, _) = rendered(&folder, "");
     let took = {
         let started = std::time::Instant::now();
-        rendered(&folder, &[]);
+        rendered(&folder, "");
         started.elapsed()
     };
     // Each round begins without an entry; two runs are killed, at a time that moves through
@@ -236,12 +224,12 @@ fn runs_at_once_and_killed_ones_leave_a_cache_that_works() {
             assert!(child.wait().unwrap().success());
             assert!(bytes(&folder, name) == plain, "round {round}");
         }
-        let (picture, printed) = rendered(&folder, &["--cache", "cache"]);
-        assert!(printed.contains("from the cache"), "{printed}");
+        let (picture, printed) = rendered(&folder, "--cache cache");
+        assert_contains(&printed, "from the cache");
         assert!(picture == plain, "round {round}");
     }
     // The next look removes what the killed runs left.
-    succeed(&folder, &["cache", "--cache", "cache"]);
+    succeed(&folder, "cache --cache cache");
     let mut left = organza_testing::file_names(&folder.join("cache"));
     left.retain(|name| name.len() != 64);
     assert_eq!(left, ["CACHEDIR.TAG", "lock"]);
@@ -250,22 +238,19 @@ fn runs_at_once_and_killed_ones_leave_a_cache_that_works() {
 #[test]
 fn the_command_lists_entries_and_removes_them() {
     let folder = workplace("cache-command");
-    let cache = |more: &[&str]| succeed(&folder, &[&["cache"], more].concat());
-    let at = ["--cache", "cache"];
-    let listed = cache(&at);
+    let at = "--cache cache";
+    let cache = |more: &str| succeed(&folder, &format!("cache {more} {at}"));
+    let listed = cache("");
     assert!(listed.contains("no entries, 0 B of at most 10.0 GiB"));
     assert!(!folder.join("cache").exists(), "looking makes nothing");
     for voxel_um in ["40", "50", "60"] {
-        let voxelize = ["voxelize", "cloth.toml", "-o", "a.ovox", "--voxel-um"];
-        succeed(&folder, &[&voxelize[..], &[voxel_um], &at].concat());
+        let voxelize = "voxelize cloth.toml -o a.ovox --voxel-um";
+        succeed(&folder, &format!("{voxelize} {voxel_um} {at}"));
     }
-    let listed = cache(&at);
-    assert!(listed.contains("3 entries"), "{listed}");
-    assert!(
-        listed.contains("volume  cloth.toml (50.000 um, "),
-        "{listed}"
-    );
-    let json: serde_json::Value = serde_json::from_str(&cache(&["--json", at[0], at[1]])).unwrap();
+    let listed = cache("");
+    assert_contains(&listed, "3 entries");
+    assert_contains(&listed, "volume  cloth.toml (50.000 um, ");
+    let json: serde_json::Value = serde_json::from_str(&cache("--json")).unwrap();
     let about = &json["entries"][0]["about"];
     assert_eq!(about["kind"], "volume");
     assert!(about["program"].as_str().unwrap().contains("sources "));
@@ -279,12 +264,12 @@ fn the_command_lists_entries_and_removes_them() {
         .open(&entries(&folder)[0]);
     let month_ago = SystemTime::now() - Duration::from_secs(31 * 24 * 3600);
     old.unwrap().set_modified(month_ago).unwrap();
-    assert!(cache(&at).contains("used 31 d ago"));
-    let removed = cache(&["clean", "--older-than", "30d", at[0], at[1]]);
-    assert!(removed.contains("removed 1 entry of"), "{removed}");
-    assert!(removed.contains("; 2 entries of"), "{removed}");
-    let removed = cache(&["clean", "--all", at[0], at[1]]);
-    assert!(removed.contains("; no entries of 0 B left"), "{removed}");
+    assert!(cache("").contains("used 31 d ago"));
+    let removed = cache("clean --older-than 30d");
+    assert_contains(&removed, "removed 1 entry of");
+    assert_contains(&removed, "; 2 entries of");
+    let removed = cache("clean --all");
+    assert_contains(&removed, "; no entries of 0 B left");
     // A limit that holds nothing: the result is there all the same.
     let limited = Command::new(env!("CARGO_BIN_EXE_organza"))
         .current_dir(&folder)
@@ -295,21 +280,18 @@ fn the_command_lists_entries_and_removes_them() {
         .unwrap();
     let printed = String::from_utf8_lossy(&limited.stderr);
     assert!(limited.status.success(), "{printed}");
-    assert!(
-        printed.contains("whose limit of 100 bytes is too small"),
-        "{printed}"
-    );
+    assert_contains(&printed, "whose limit of 100 bytes is too small");
     assert!(entries(&folder).is_empty());
 }
 
 #[test]
 fn a_cache_that_cannot_be_is_refused() {
     let folder = workplace("cache-refused");
-    let voxelize = ["voxelize", "cloth.toml", "-o", "a.ovox", "--cache"];
-    let words = complaint(&folder, &[&voxelize[..], &["cloth.toml"]].concat());
-    assert!(words.contains("--cache: cloth.toml: "), "{words}");
-    let words = complaint(&folder, &["cache", "--cache", "off"]);
-    assert!(words.contains("\"off\" names no cache"), "{words}");
-    assert!(!organza(&folder, &["cache", "clean"]).status.success());
+    let voxelize = "voxelize cloth.toml -o a.ovox --cache";
+    let words = complaint(&folder, &format!("{voxelize} cloth.toml"));
+    assert_contains(&words, "--cache: cloth.toml: ");
+    let said = complaint(&folder, "cache --cache off");
+    assert_contains(&said, "\"off\" names no cache");
+    assert!(!organza(&folder, "cache clean").status.success());
     assert!(!folder.join("a.ovox").exists());
 }

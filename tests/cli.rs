@@ -1,6 +1,7 @@
 //! Commands, exit codes and messages.
 
-use crate::program::{argv, complaint, exr_channels, folder, organza, succeed, write_vol};
+use crate::program::{argv, complaint, ended, exr_channels, folder, organza, succeed, write_vol};
+use organza_testing::assert_contains;
 use std::path::Path;
 
 const GRID_SCENE: &str = r#"[render]
@@ -32,15 +33,15 @@ pub fn write_grid_scene(folder: &Path) {
 #[test]
 fn help_and_version_succeed_and_show_examples() {
     let folder = folder("help");
-    assert!(succeed(&folder, &["--help"]).contains("organza render"));
+    assert!(succeed(&folder, "--help").contains("organza render"));
     let commands = argv("render merge voxelize measure weave info completions man");
     for command in commands {
         let help = succeed(&folder, &[command, "--help"]);
         assert!(help.contains("Example"), "{command}: {help}");
     }
-    assert!(succeed(&folder, &["--version"]).starts_with("organza "));
+    assert!(succeed(&folder, "--version").starts_with("organza "));
     let version = concat!("organza ", env!("CARGO_PKG_VERSION"), "\n");
-    for asked in [["--version", "--verbose"], ["--verbose", "--version"]] {
+    for asked in ["--version --verbose", "--verbose --version"] {
         let told = succeed(&folder, &asked);
         assert!(told.starts_with(version), "{told}");
         for line in [
@@ -48,12 +49,11 @@ fn help_and_version_succeed_and_show_examples() {
             "features: ",
             "engines on this computer: walk, scalar",
         ] {
-            assert!(told.contains(&format!("\n{line}")), "{told}");
+            assert_contains(&told, &format!("\n{line}"));
         }
     }
-    let alone = organza(&folder, &["--verbose", "completions", "bash"]);
-    assert_eq!(alone.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&alone.stderr).contains("--verbose goes with --version"));
+    let said = ended(&organza(&folder, "--verbose completions bash"), 2);
+    assert_contains(&said, "--verbose goes with --version");
 }
 
 #[test]
@@ -77,28 +77,25 @@ fn scenes_are_described_object_by_object() {
     let printed = info(&kinds);
     assert_eq!(printed["objects"][0]["model"], "fibres");
     assert_eq!(printed["objects"][1]["kind"], "plane");
-    let printed = succeed(&folder, &["info", "scene.toml", "--set", "light=[]"]);
-    assert!(printed.contains("lights: none"), "{printed}");
+    let said = succeed(&folder, "info scene.toml --set light=[]");
+    assert_contains(&said, "lights: none");
 }
 
 #[test]
 fn completions_and_manual_pages_know_every_command() {
     let folder = folder("manual");
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
-        let script = succeed(&folder, &["completions", shell]);
+        let script = succeed(&folder, &format!("completions {shell}"));
         assert!(script.contains("voxelize"), "{shell}");
     }
-    succeed(&folder, &["man", "-o", "."]);
+    succeed(&folder, "man -o .");
     let page = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
     assert!(page("organza.1").contains("voxelize"));
     assert!(page("organza-render.1").contains("checkpoint"));
-    succeed(&folder, &["man", "-o", "share/man1"]);
+    succeed(&folder, "man -o share/man1");
     assert!(folder.join("share/man1/organza-weave.1").exists());
-    let message = complaint(&folder, &["man", "-o", "organza.1"]);
-    assert!(
-        message.contains("organza.1: is a file; expected a folder"),
-        "{message}"
-    );
+    let message = complaint(&folder, "man -o organza.1");
+    assert_contains(&message, "organza.1: is a file; expected a folder");
 }
 
 #[test]
@@ -109,27 +106,21 @@ fn mistakes_in_scenes_are_reported_with_place_and_nearest_name() {
         let text = GRID_SCENE.replace(from, to);
         assert_ne!(text, GRID_SCENE);
         std::fs::write(folder.join("wrong.toml"), text).unwrap();
-        complaint(&folder, &["render", "wrong.toml", "-o", "out.exr"])
+        complaint(&folder, "render wrong.toml -o out.exr")
     };
     let words = say("spp = 4", "ssp = 4");
-    assert!(
-        words.contains("wrong.toml:2:1: render.ssp: unknown field `ssp`"),
-        "{words}"
-    );
+    assert_contains(&words, "wrong.toml:2:1: render.ssp: unknown field `ssp`");
     assert!(words.ends_with("did you mean `spp`?"), "{words}");
     let words = say("\"environment\"", "\"enviroment\"");
-    assert!(words.contains("did you mean `environment`?"), "{words}");
+    assert_contains(&words, "did you mean `environment`?");
     let words = say("sggx = \"sggx.vol\"", "sggx = \"sigma_t.vol\"");
-    assert!(
-        words.contains("sigma_t.vol: has 1 channels; `sggx` expects 6"),
-        "{words}"
-    );
+    assert_contains(&words, "sigma_t.vol: has 1 channels; `sggx` expects 6");
     let words = say("sggx.vol", "missing.vol");
-    assert!(words.contains("missing.vol: no such file"), "{words}");
+    assert_contains(&words, "missing.vol: no such file");
     let words = say("spp = 4", "spp = 0");
-    assert!(words.contains("render.spp: expected at least 1"), "{words}");
+    assert_contains(&words, "render.spp: expected at least 1");
     let words = say("[0.0, 0.0, 3.0]", "[0.0, 0.0, 0.0]");
-    assert!(words.contains("are the same point"), "{words}");
+    assert_contains(&words, "are the same point");
     let words = say("albedo = [0.9, 0.9, 0.9]", "albedo = [1.9, 0.9, 0.9]");
     assert!(
         words.contains("albedo") && words.contains("from 0 to 1"),
@@ -155,8 +146,7 @@ fn damaged_volumes_are_refused() {
         &not_a_number,
     ] {
         std::fs::write(folder.join("sggx.vol"), bytes).unwrap();
-        let words = complaint(&folder, &["render", "scene.toml", "-o", "out.exr"]);
-        assert!(words.contains(".vol"), "{words}");
+        assert_contains(&complaint(&folder, "render scene.toml -o out.exr"), ".vol");
     }
     assert!(!folder.join("out.exr").exists());
 }
@@ -165,34 +155,17 @@ fn damaged_volumes_are_refused() {
 fn pictures_depend_on_the_seed_and_not_on_the_threads() {
     let folder = folder("threads");
     write_grid_scene(&folder);
-    let picture = |more: &[&str]| {
-        let mut arguments = vec!["render", "scene.toml", "-o", "out.exr"];
-        arguments.extend(more);
-        succeed(&folder, &arguments);
-        std::fs::read(folder.join("out.exr")).unwrap()
-    };
-    let one = picture(&["--threads", "1"]);
-    assert!(one == picture(&["--threads", "2"]), "same seed, same bytes");
-    assert!(
-        one != picture(&["--seed", "1"]),
-        "another seed, another picture"
-    );
-    let cropped = picture(&["--crop", "4,2,12,8"]);
+    let picture = |more: &str| crate::program::picture(&folder, more);
+    let one = picture("--threads 1");
+    assert!(one == picture("--threads 2"), "same seed, same bytes");
+    assert!(one != picture("--seed 1"), "another seed, another picture");
+    let cropped = picture("--crop 4,2,12,8");
     assert!(cropped.len() < one.len());
-    complaint(
-        &folder,
-        &["render", "scene.toml", "-o", "out.exr", "--crop", "4,2,4,8"],
-    );
-    complaint(
-        &folder,
-        &argv("render scene.toml -o out.exr --crop 0,0,17,8"),
-    );
-    complaint(&folder, &["render", "scene.toml", "-o", "out.webp"]);
-    complaint(&folder, &["render", "scene.toml", "-o", "nowhere/out.exr"]);
-    complaint(
-        &folder,
-        &argv("render scene.toml -o x.exr --set render.sppp=3"),
-    );
+    complaint(&folder, "render scene.toml -o out.exr --crop 4,2,4,8");
+    complaint(&folder, "render scene.toml -o out.exr --crop 0,0,17,8");
+    complaint(&folder, "render scene.toml -o out.webp");
+    complaint(&folder, "render scene.toml -o nowhere/out.exr");
+    complaint(&folder, "render scene.toml -o x.exr --set render.sppp=3");
 }
 
 #[test]
@@ -225,10 +198,7 @@ fn the_volumes_of_the_project_can_be_listed_and_made_again() {
     ] {
         let path = root.join("volumes").join(file);
         let printed = succeed(&folder, &["info", path.to_str().unwrap(), "--json"]);
-        assert!(
-            printed.contains(&format!("\"kind\": \"{kind}\"")),
-            "{printed}"
-        );
+        assert_contains(&printed, &format!("\"kind\": \"{kind}\""));
     }
     let fabric = root.join("scenes/fabrics/jersey.toml");
     let fabric = fabric.to_str().unwrap();
@@ -246,22 +216,21 @@ fn the_volumes_of_the_project_can_be_listed_and_made_again() {
         &folder,
         &["voxelize", fabric, "-o", "tile.vol", "--level", "1"],
     );
-    let printed = succeed(&folder, &["voxelize", fabric, "-o", "tile.ovox"]);
-    assert!(printed.contains("MiB of memory"), "{printed}");
+    let said = succeed(&folder, &["voxelize", fabric, "-o", "tile.ovox"]);
+    assert_contains(&said, "MiB of memory");
     let printed = succeed(&folder, &["voxelize", fabric, "-o", "tile.ovox", "--quiet"]);
     assert!(printed.is_empty(), "{printed}");
-    let printed = succeed(&folder, &["info", "tile.sggx.vol"]);
-    assert!(printed.contains("channels: 6"), "{printed}");
+    assert_contains(&succeed(&folder, "info tile.sggx.vol"), "channels: 6");
     let words = complaint(
         &folder,
         &["voxelize", fabric, "-o", "x.ovox", "--max-memory", "100k"],
     );
-    assert!(words.contains("bytes of memory"), "{words}");
+    assert_contains(&words, "bytes of memory");
     let words = complaint(
         &folder,
         &["voxelize", fabric, "-o", "x.vdb", "--level", "9"],
     );
-    assert!(words.contains("--level 9"), "{words}");
+    assert_contains(&words, "--level 9");
     assert!(!folder.join("x.ovox").exists());
 }
 
@@ -269,12 +238,12 @@ fn the_volumes_of_the_project_can_be_listed_and_made_again() {
 fn drafts_and_curves_go_through_the_command_line() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = folder("weave");
-    assert_eq!(succeed(&folder, &["weave", "plain"]), ".X\nX.\n");
-    let words = complaint(&folder, &["weave", "twil-3-1-s"]);
-    assert!(words.contains("did you mean \"twill-3-1-s\"?"), "{words}");
+    assert_eq!(succeed(&folder, "weave plain"), ".X\nX.\n");
+    let said = complaint(&folder, "weave twil-3-1-s");
+    assert_contains(&said, "did you mean \"twill-3-1-s\"?");
     let draft = root.join("scenes/drafts/first_light.wif");
     let printed = succeed(&folder, &["weave", draft.to_str().unwrap(), "--json"]);
-    assert!(printed.contains("\"ends\": 16"), "{printed}");
+    assert_contains(&printed, "\"ends\": 16");
     // A knit is drawn from its curves; text written and read back is the same text.
     let fabric = root.join("scenes/fabrics/jersey.toml");
     let fabric = fabric.to_str().unwrap();
@@ -286,22 +255,19 @@ fn drafts_and_curves_go_through_the_command_line() {
     let import =
         "[draft]\ncurves = \"yarns.txt\"\ncurves_are = \"fibres\"\n[weft]\nyarn = \"cotton\"\n";
     std::fs::write(folder.join("import.toml"), import).unwrap();
-    succeed(
-        &folder,
-        &argv("weave import.toml --level fibre -o again.txt"),
-    );
+    succeed(&folder, "weave import.toml --level fibre -o again.txt");
     let text = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
     assert!(text("again.txt") == text("yarns.txt"));
-    complaint(&folder, &["weave", "plain", "-o", "plain.obj"]);
+    complaint(&folder, "weave plain -o plain.obj");
     // Threads that never cross, and colours that no fibre has.
     let loose =
         "[draft]\ndrawdown = [\"XX\", \"XX\"]\n[warp]\nper_cm = 20.0\n[weft]\nper_cm = 20.0\n";
     std::fs::write(folder.join("loose.toml"), loose).unwrap();
-    let voxelize = argv("voxelize loose.toml -o loose.ovox --voxel-um 60");
+    let voxelize = "voxelize loose.toml -o loose.ovox --voxel-um 60";
     let warning = "organza: warning: loose.toml: draft: 2 of 2 ends never interlace";
     let printed = succeed(&folder, &voxelize);
     assert!(printed.starts_with(warning), "{printed}");
-    let quiet = [&voxelize[..], &["--quiet"]].concat();
+    let quiet = format!("{voxelize} --quiet");
     assert_eq!(succeed(&folder, &quiet), "");
     complaint(&folder, &["weave", fabric, "-o", "knit.jpeg"]);
 }
@@ -349,23 +315,23 @@ fabric = "cloth.toml"
 fn fibres_are_traced_from_scenes_and_fabrics() {
     let folder = folder("cli-fibres");
     write_silk_scene(&folder);
-    let render = |name: &str, sets: &[&str]| {
-        let mut arguments = vec!["render", "scene.toml", "-o", name, "--quiet"];
-        arguments.extend(sets.iter().flat_map(|s| ["--set", s]));
-        succeed(&folder, &arguments);
-        std::fs::read(folder.join(name)).unwrap()
+    let render = |name: &str, set: &str| {
+        succeed(
+            &folder,
+            &format!("render scene.toml -o {name} --quiet --set {set}"),
+        );
     };
     let red = |name: &str| {
         let channels = exr_channels(&folder.join(name));
         channels["R"].iter().map(|&v| f64::from(v)).sum::<f64>()
     };
-    render("model.exr", &["object.0.model=fibres"]);
-    render("integrator.exr", &["render.integrator=fibres"]);
+    render("model.exr", "object.0.model=fibres");
+    render("integrator.exr", "render.integrator=fibres");
     assert!(red("model.exr") > 0.0);
     assert_eq!(red("model.exr"), red("integrator.exr"));
-    render("volume.exr", &["object.0.model=packed"]);
-    let near = ["object.0.model=packed", "object.0.local_visibility=true"];
-    render("near.exr", &near);
+    render("volume.exr", "object.0.model=packed");
+    let near = "object.0.model=packed --set object.0.local_visibility=true";
+    render("near.exr", near);
     assert_ne!(red("volume.exr"), red("near.exr"));
     std::fs::write(
         folder.join("pairs.csv"),
@@ -374,21 +340,17 @@ fn fibres_are_traced_from_scenes_and_fabrics() {
     .unwrap();
     let printed = succeed(
         &folder,
-        &argv("measure cloth.toml --model fibres --pairs pairs.csv --spp 64 --json"),
+        "measure cloth.toml --model fibres --pairs pairs.csv --spp 64 --json",
     );
-    assert!(printed.contains("\"model\": \"fibres\""), "{printed}");
-    let refuse = |sets: &[&str]| {
-        let mut arguments = vec!["render", "scene.toml", "-o", "x.exr"];
-        arguments.extend(sets);
-        complaint(&folder, &arguments)
-    };
-    let why = refuse(&["--set", "object.0.local_visibility=true"]);
-    assert!(why.contains("object[0].local_visibility"), "{why}");
-    let why = refuse(&["--set", "object.0.model=fibres", "--max-memory", "64KB"]);
-    assert!(why.contains("bytes of memory"), "{why}");
-    let learning = ["render.cache=\"first-fibre\"", "render.cache_mib=4096"];
-    let learning = learning.map(|set| ["--set", set]).concat();
-    let learning = [&learning[..], &["--set", "object.0.model=fibres"]].concat();
-    let why = refuse(&[&learning[..], &["--max-memory", "1GiB"]].concat());
-    assert!(why.contains("render.cache_mib of at most"), "{why}");
+    assert_contains(&printed, "\"model\": \"fibres\"");
+    let refuse = |more: &str| complaint(&folder, &format!("render scene.toml -o x.exr {more}"));
+    let why = refuse("--set object.0.local_visibility=true");
+    assert_contains(&why, "object[0].local_visibility");
+    let why = refuse("--set object.0.model=fibres --max-memory 64KB");
+    assert_contains(&why, "bytes of memory");
+    let why = refuse(
+        "--set render.cache=\"first-fibre\" --set render.cache_mib=4096 \
+         --set object.0.model=fibres --max-memory 1GiB",
+    );
+    assert_contains(&why, "render.cache_mib of at most");
 }

@@ -4,7 +4,8 @@
 
 use crate::cli::write_grid_scene;
 use crate::failing_disk::library;
-use crate::program::folder;
+use crate::program::{argv, ended, folder};
+use organza_testing::assert_contains;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -20,15 +21,7 @@ fn render(folder: &Path, system: &[(&str, &str)]) -> Output {
     let film = "camera.resolution=[1024,1024]";
     Command::new(env!("CARGO_BIN_EXE_organza"))
         .current_dir(folder)
-        .args([
-            "render",
-            "scene.toml",
-            "-o",
-            "x.exr",
-            "--quiet",
-            "--spp",
-            "1",
-        ])
+        .args(argv("render scene.toml -o x.exr --quiet --spp 1"))
         .args(["--set", film])
         .env_remove("ORGANZA_CACHE")
         .env("LD_PRELOAD", library())
@@ -74,9 +67,8 @@ fn what_a_control_group_leaves_is_a_limit_of_memory() {
         (&first, 41_943_040 - 3_000_000),
     ] {
         let out = render(&folder, system);
-        let said = String::from_utf8_lossy(&out.stderr);
-        assert_eq!(out.status.code(), Some(2), "{said}");
-        assert!(said.contains(&format!(" {left} are allowed: ")), "{said}");
+        let said = ended(&out, 2);
+        assert_contains(&said, &format!(" {left} are allowed: "));
         assert!(!folder.join("x.exr").exists());
     }
     // Known bad: without a limit, and with a wide one, the same film is rendered.

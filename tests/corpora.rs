@@ -6,33 +6,18 @@
 mod entries;
 
 use organza_basis::PathRng;
+use organza_testing::assert_contains;
 use std::path::Path;
 
 const SEED: u64 = 0x5eed;
 
 /// Readers that answer within some ten microseconds.
-const QUICK: [&str; 16] = [
-    "curve_text",
-    "bcc",
-    "vol",
-    "ovox",
-    "nrrd",
-    "ct_png",
-    "ct_tiff",
-    "vti",
-    "obj",
-    "ply",
-    "gltf",
-    "picture",
-    "klems",
-    "pairs",
-    "wif",
-    "vdb",
-];
+const QUICK: &str =
+    "curve_text bcc vol ovox nrrd ct_png ct_tiff vti obj ply gltf picture klems pairs wif vdb";
 
 /// Damaged copies that a reader gets.
 fn copies(reader: &str) -> u64 {
-    match QUICK.contains(&reader) {
+    match QUICK.split(' ').any(|quick| quick == reader) {
         true => organza_testing::sized(2_000, 100_000),
         false => organza_testing::sized(60, 20_000),
     }
@@ -103,10 +88,10 @@ const PEER: &str = r#"{"pictures": [{"program": "other 1.0", "scene": "denim_30_
   "mean": [[0.25, 0.5, 0.125], [0.1, 0.2, 0.3]],
   "variance": [[1e-4, 2e-4, 0.0], [1e-5, 1e-5, 1e-5]]}]}"#;
 
-/// Damaged files of another program's pictures are answered too. What is read has the
-/// pixels that were asked for.
+/// What is read of another program has the pixels that were asked for, and no part of a file is read
+/// as a whole one.
 #[test]
-fn no_damaged_picture_of_another_program_panics_its_reader() {
+fn pictures_of_another_program_are_whole() {
     let path = crate::program::folder("damaged-peers").join("peer.json");
     let read = |bytes: &[u8], pixels| {
         std::fs::write(&path, bytes).unwrap();
@@ -114,17 +99,8 @@ fn no_damaged_picture_of_another_program_panics_its_reader() {
     };
     assert_eq!(read(PEER.as_bytes(), 2).unwrap(), 1);
     let message = read(PEER.as_bytes(), 3).unwrap_err().to_string();
-    assert!(message.contains("expected 3 pixels, found 2"), "{message}");
+    assert_contains(&message, "expected 3 pixels, found 2");
     for end in 0..PEER.len() {
         assert!(read(&PEER.as_bytes()[..end], 2).is_err(), "cut at {end}");
     }
-    let (mut refused, copies) = (0, copies("peer"));
-    for copy in 0..copies {
-        let mut rng = PathRng::new(SEED, entries::ALL.len() as u64, copy);
-        let bytes = damaged(PEER.as_bytes(), &mut rng);
-        let answer = std::panic::catch_unwind(|| read(&bytes, 2));
-        let answer = answer.unwrap_or_else(|_| panic!("copy {copy}, seed {SEED:#x}"));
-        refused += u64::from(answer.is_err());
-    }
-    assert!(2 * refused > copies, "{refused} of {copies} refused");
 }

@@ -5,6 +5,7 @@
 
 use crate::cli::write_grid_scene;
 use crate::program::{argv, bytes, exr_channels, folder, organza, picture, succeed};
+use organza_testing::assert_contains;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -29,11 +30,11 @@ fn write_library(folder: &Path, version: &str) -> PathBuf {
 }
 
 /// Runs `organza` with the library that the environment of the folder has.
-fn run(folder: &Path, arguments: &[&str]) -> Output {
+fn run(folder: &Path, line: &str) -> Output {
     Command::new(env!("CARGO_BIN_EXE_organza"))
         .current_dir(folder)
         .env("ORGANZA_OIDN", folder.join(IN_WHEEL))
-        .args(arguments)
+        .args(argv(line))
         .output()
         .unwrap()
 }
@@ -47,13 +48,10 @@ fn a_denoised_picture_keeps_the_noisy_one_and_all_that_was_rendered() {
     let folder = folder("denoise");
     write_grid_scene(&folder);
     write_library(&folder, "20304");
-    let plain = picture(&folder, &["--spp", "4"]);
-    let rendered = run(
-        &folder,
-        &argv("render scene.toml -o clean.exr --spp 4 --denoise"),
-    );
+    let plain = picture(&folder, "--spp 4");
+    let rendered = run(&folder, "render scene.toml -o clean.exr --spp 4 --denoise");
     assert!(rendered.status.success(), "{}", printed(&rendered));
-    let out = run(&folder, &["denoise", "out.exr", "-o", "same.exr"]);
+    let out = run(&folder, "denoise out.exr -o same.exr");
     assert!(printed(&out).contains("Open Image Denoise 2.3.4 without guides"));
     assert!(bytes(&folder, "same.exr") == bytes(&folder, "clean.exr"));
     // The colours alone come back as they were.
@@ -71,10 +69,7 @@ fn a_denoised_picture_keeps_the_noisy_one_and_all_that_was_rendered() {
     assert_eq!(clean.len(), noisy.len() + 3);
     // With guides: one channel of each picture that was passed, halved, because the guides
     // were denoised first.
-    let out = run(
-        &folder,
-        &["denoise", "clean.exr", "-o", "guided.exr", "--guides"],
-    );
+    let out = run(&folder, "denoise clean.exr -o guided.exr --guides");
     assert!(printed(&out).contains("with guides"), "{}", printed(&out));
     let guided = exr_channels(&folder.join("guided.exr"));
     for i in 0..noisy["R"].len() {
@@ -87,11 +82,11 @@ fn a_denoised_picture_keeps_the_noisy_one_and_all_that_was_rendered() {
     assert!(noisy["bounces"].iter().any(|&n| n > 0.0));
     assert!(guided["noisy.R"] == noisy["R"]);
     // `difference` takes the colours that are shown, `merge` the samples.
-    let same = succeed(&folder, &["difference", "out.exr", "clean.exr"]);
-    let other = succeed(&folder, &["difference", "out.exr", "guided.exr"]);
-    assert!(same.contains("bit for bit"), "{same}");
+    let same = succeed(&folder, "difference out.exr clean.exr");
+    let other = succeed(&folder, "difference out.exr guided.exr");
+    assert_contains(&same, "bit for bit");
     assert!(!other.contains("bit for bit"), "{other}");
-    succeed(&folder, &["merge", "guided.exr", "-o", "merged.exr"]);
+    succeed(&folder, "merge guided.exr -o merged.exr");
     assert!(bytes(&folder, "merged.exr") == plain);
 }
 
@@ -100,19 +95,13 @@ fn a_png_has_the_noisy_picture_beside_it() {
     let folder = folder("denoise-png");
     write_grid_scene(&folder);
     write_library(&folder, "20304");
-    let render = ["render", "scene.toml", "--spp", "4", "-o"];
-    succeed(&folder, &[&render[..], &["plain.png"]].concat());
-    let out = run(
-        &folder,
-        &[&render[..], &["clean.png", "--denoise"]].concat(),
-    );
+    let render = "render scene.toml --spp 4 -o";
+    succeed(&folder, &format!("{render} plain.png"));
+    let out = run(&folder, &format!("{render} clean.png --denoise"));
     assert!(out.status.success(), "{}", printed(&out));
     assert!(bytes(&folder, "clean.png") == bytes(&folder, "plain.png"));
     assert!(bytes(&folder, "clean.noisy.png") == bytes(&folder, "plain.png"));
-    let out = run(
-        &folder,
-        &[&render[..], &["clean.tif", "--denoise"]].concat(),
-    );
+    let out = run(&folder, &format!("{render} clean.tif --denoise"));
     assert_eq!(out.status.code(), Some(2));
     assert!(
         printed(&out).contains("ends in .exr or .png"),
@@ -125,31 +114,28 @@ fn a_png_has_the_noisy_picture_beside_it() {
 fn without_the_library_nothing_is_rendered_and_the_message_says_how_to_get_it() {
     let folder = folder("denoise-without");
     write_grid_scene(&folder);
-    let no_library = |named: &Path, arguments: &[&str]| {
+    let no_library = |named: &Path, line: &str| {
         let out = Command::new(env!("CARGO_BIN_EXE_organza"))
             .current_dir(&folder)
             .env("ORGANZA_OIDN", named)
-            .args(arguments)
+            .args(argv(line))
             .output()
             .unwrap();
         let words = printed(&out);
         assert_eq!(out.status.code(), Some(2), "{words}");
         assert_eq!(words.lines().count(), 1, "{words}");
-        assert!(words.contains("pip install pyoidn"), "{words}");
+        assert_contains(&words, "pip install pyoidn");
         words
     };
     // So many samples would take hours.
-    let render = argv("render scene.toml -o x.exr --spp 1000000000 --denoise");
-    let words = no_library(Path::new("none.so"), &render);
-    assert!(words.contains("ORGANZA_OIDN names none.so"), "{words}");
+    let render = "render scene.toml -o x.exr --spp 1000000000 --denoise";
+    let words = no_library(Path::new("none.so"), render);
+    assert_contains(&words, "ORGANZA_OIDN names none.so");
     std::fs::write(folder.join("text.so"), "no library").unwrap();
-    no_library(&folder.join("text.so"), &render);
+    no_library(&folder.join("text.so"), render);
     let library = write_library(&folder, "30001");
-    let words = no_library(&library, &render);
-    assert!(
-        words.contains("has version 3.0.1; expected 1 or 2"),
-        "{words}"
-    );
+    let words = no_library(&library, render);
+    assert_contains(&words, "has version 3.0.1; expected 1 or 2");
     assert!(!folder.join("x.exr").exists());
 }
 
@@ -158,20 +144,20 @@ fn what_the_library_reports_and_other_pictures_are_errors_that_write_nothing() {
     let folder = folder("denoise-errors");
     write_grid_scene(&folder);
     write_library(&folder, "20304");
-    picture(&folder, &["--spp", "2", "--crop", "3,0,4,4"]); // one pixel wide
-    let out = run(&folder, &["denoise", "out.exr", "-o", "x.exr"]);
+    picture(&folder, "--spp 2 --crop 3,0,4,4"); // one pixel wide
+    let out = run(&folder, "denoise out.exr -o x.exr");
     assert_eq!(out.status.code(), Some(1));
     assert!(
         printed(&out).contains("Open Image Denoise: too narrow"),
         "{}",
         printed(&out)
     );
-    let out = run(&folder, &["denoise", "scene.toml", "-o", "x.exr"]);
+    let out = run(&folder, "denoise scene.toml -o x.exr");
     assert_eq!(out.status.code(), Some(2), "{}", printed(&out));
-    let small = ["denoise", "out.exr", "-o", "x.exr", "--max-memory", "1KiB"];
-    let out = run(&folder, &small);
+    let small = "denoise out.exr -o x.exr --max-memory 1KiB";
+    let out = run(&folder, small);
     assert_eq!(out.status.code(), Some(2), "{}", printed(&out));
-    let out = organza(&folder, &["denoise", "out.exr", "-o", "out.exr"]);
+    let out = organza(&folder, "denoise out.exr -o out.exr");
     assert_eq!(out.status.code(), Some(2));
     assert!(!folder.join("x.exr").exists());
 }

@@ -2,23 +2,17 @@
 //! test's own.
 
 use crate::cli::write_grid_scene;
-use crate::program::{argv, bytes, folder, organza, picture, succeed};
+use crate::program::{bytes, ended, folder, organza, picture, succeed};
+use organza_testing::assert_contains;
 use std::io::Read;
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// Renders `scene.toml` with a display server and returns the picture and the messages.
-fn shown(folder: &Path, name: &str, address: &str, more: &[&str]) -> (Vec<u8>, String) {
-    let render = [
-        "render",
-        "scene.toml",
-        "-o",
-        name,
-        "--display-server",
-        address,
-    ];
-    let out = organza(folder, &[&render[..], more].concat());
+fn shown(folder: &Path, name: &str, address: &str, more: &str) -> (Vec<u8>, String) {
+    let render = format!("render scene.toml -o {name} --display-server {address}");
+    let out = organza(folder, &format!("{render} {more}"));
     let printed = String::from_utf8_lossy(&out.stderr).into_owned();
     assert!(out.status.success(), "{printed}");
     (bytes(folder, name), printed)
@@ -109,9 +103,9 @@ fn serve(listener: &TcpListener) -> (String, [i32; 2], Vec<f32>, usize) {
 fn a_server_sees_the_picture_grow_and_its_end() {
     let folder = folder("display");
     write_grid_scene(&folder);
-    let set = ["--set", "camera.resolution=[40,30]", "--spp", "2000"];
-    let crop = ["--crop", "0,2,40,30"];
-    let flags = [&set[..], &crop].concat();
+    let set = "--set camera.resolution=[40,30] --spp 2000";
+    let crop = "--crop 0,2,40,30";
+    let flags = format!("{set} {crop}");
     let plain = picture(&folder, &flags);
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
@@ -133,12 +127,12 @@ fn a_server_sees_the_picture_grow_and_its_end() {
 fn a_server_that_is_absent_gone_or_stuck_is_one_warning() {
     let folder = folder("display-absent");
     write_grid_scene(&folder);
-    let small = ["--set", "camera.resolution=[40,30]", "--spp", "2000"];
+    let small = "--set camera.resolution=[40,30] --spp 2000";
     // More bytes than connections hold back, so that a stuck server is noticed.
-    let large = ["--set", "camera.resolution=[1200,1000]", "--spp", "2"];
-    let check = |address: &str, flags: &[&str], why: &str| {
-        let render = ["render", "scene.toml", "-o", "plain.png"];
-        succeed(&folder, &[&render[..], flags].concat());
+    let large = "--set camera.resolution=[1200,1000] --spp 2";
+    let check = |address: &str, flags: &str, why: &str| {
+        let render = "render scene.toml -o plain.png";
+        succeed(&folder, &format!("{render} {flags}"));
         let plain = bytes(&folder, "plain.png");
         let (picture, printed) = shown(&folder, "shown.png", address, flags);
         assert!(picture == plain, "{why}");
@@ -157,25 +151,20 @@ fn a_server_that_is_absent_gone_or_stuck_is_one_warning() {
     };
     let (listener, address) = bound();
     drop(listener);
-    check(&address, &small, "absent");
+    check(&address, small, "absent");
     let (listener, address) = bound();
     let server = std::thread::spawn(move || drop(listener.accept().unwrap()));
-    check(&address, &small, "gone");
+    check(&address, small, "gone");
     server.join().unwrap();
     // Takes the connection, and nothing from it.
     let (listener, address) = bound();
     let started = Instant::now();
-    let printed = check(&address, &large, "stuck");
-    assert!(
-        printed.contains("has not taken the last picture"),
-        "{printed}"
-    );
+    let printed = check(&address, large, "stuck");
+    assert_contains(&printed, "has not taken the last picture");
     assert!(started.elapsed() < Duration::from_secs(60));
     drop(listener);
     // No server at all for a wrong address, before anything is rendered.
-    let wrong = argv("render scene.toml -o none.exr --display-server here");
-    let out = organza(&folder, &wrong);
-    assert_eq!(out.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&out.stderr).contains("expected HOST:PORT"));
+    let wrong = "render scene.toml -o none.exr --display-server here";
+    assert_contains(&ended(&organza(&folder, wrong), 2), "expected HOST:PORT");
     assert!(!folder.join("none.exr").exists());
 }

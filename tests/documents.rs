@@ -1,6 +1,7 @@
 //! Commands and links of the README and the pages.
 
 use crate::program::{complaint, folder, organza, succeed};
+use organza_testing::assert_contains;
 use std::path::{Path, PathBuf};
 
 /// README and the pages of use, with their texts.
@@ -177,8 +178,8 @@ fn the_page_about_drafts_leads_to_a_picture() {
     let message = complaint(&folder, &[&render[..], &set].concat());
     let whole = folder.join("my_fabric.toml");
     let expected = format!("did you mean {} (a path in a scene", whole.display());
-    assert!(message.contains(&expected), "{message}");
-    let message = complaint(&folder, &["info", "my_fabrik.toml"]);
+    assert_contains(&message, &expected);
+    let message = complaint(&folder, "info my_fabrik.toml");
     assert_eq!(
         message,
         "organza: my_fabrik.toml: no such file; did you mean my_fabric.toml?"

@@ -3,9 +3,9 @@
 
 use crate::fabrics::cotton;
 use crate::in_process::{mistake, picture};
-use crate::program::{folder, succeed};
+use crate::program::{argv, folder, succeed};
 use organza_measure::parse_pairs;
-use organza_testing::csv_numbers;
+use organza_testing::{csv_numbers, table_rows};
 use std::path::Path;
 
 const SURFACE: &str = r#"[surface]
@@ -66,18 +66,15 @@ fn a_sheet_in_a_scene_is_the_surface_model() {
     write(&folder, "model = \"surface\"");
     let pairs = "theta_i,phi_i,theta_o,phi_o\n20,0,40,130\n50,70,150,20\n60,200,30,20\n";
     std::fs::write(folder.join("pairs.csv"), pairs).unwrap();
-    let run = |file: &str, more: &[&str], out: &str| {
-        let mut arguments = vec!["measure", file, "--pairs", "pairs.csv", "-o", out];
-        arguments.extend(more);
-        succeed(&folder, &arguments);
+    let run = |file: &str, more: &str, out: &str| {
+        succeed(
+            &folder,
+            &format!("measure {file} --pairs pairs.csv -o {out} {more}"),
+        );
         csv_numbers(&std::fs::read_to_string(folder.join(out)).unwrap())
     };
-    let traced = run(
-        "scene.toml",
-        &["--spp", "20000", "--seed", "5"],
-        "traced.csv",
-    );
-    let own = run("cloth.toml", &["--model", "surface"], "own.csv");
+    let traced = run("scene.toml", "--spp 20000 --seed 5", "traced.csv");
+    let own = run("cloth.toml", "--model surface", "own.csv");
     assert_eq!((traced.len(), own.len()), (3, 3));
     for (t, o) in traced.iter().zip(&own) {
         for c in 4..7 {
@@ -92,6 +89,18 @@ fn a_sheet_in_a_scene_is_the_surface_model() {
     }
 }
 
+/// Keys of an object, and a part of the message.
+const LACKING: &str = r#"
+mesh = "quad.obj" | object[0].mm_per_uv: is missing
+mm_per_uv = 100.0 | belongs to a `mesh`
+mesh = "bare.obj"; mm_per_uv = 100.0 | no texture coordinates
+mesh = "quad.obj"; mm_per_uv = -1.0 | mm_per_uv = -1
+mesh = "quad.stl"; mm_per_uv = 1.0 | quad.stl
+mesh = "quad.obj"; mm_per_uv = 1.0; extent_mm = [0.0, 0.0, 1.0, 1.0] | does not go with mesh
+model = "surface"; lod = 2 | a surface has no levels
+lod = 77 | level 77 does not exist
+"#;
+
 #[test]
 fn cloth_over_a_mesh_says_what_it_lacks() {
     let folder = folder("far-mesh");
@@ -101,23 +110,8 @@ fn cloth_over_a_mesh_says_what_it_lacks() {
     let mapped = format!("{quad}{uv}f 1/1 2/2 3/3 4/4\n");
     std::fs::write(folder.join("quad.obj"), mapped).unwrap();
     std::fs::write(folder.join("cloth.toml"), fabric()).unwrap();
-    for (object, words) in [
-        ("mesh = \"quad.obj\"", "object[0].mm_per_uv: is missing"),
-        ("mm_per_uv = 100.0", "belongs to a `mesh`"),
-        (
-            "mesh = \"bare.obj\"\nmm_per_uv = 100.0",
-            "no texture coordinates",
-        ),
-        ("mesh = \"quad.obj\"\nmm_per_uv = -1.0", "mm_per_uv = -1"),
-        ("mesh = \"quad.stl\"\nmm_per_uv = 1.0", "quad.stl"),
-        (
-            "mesh = \"quad.obj\"\nmm_per_uv = 1.0\nextent_mm = [0.0, 0.0, 1.0, 1.0]",
-            "does not go with mesh",
-        ),
-        ("model = \"surface\"\nlod = 2", "a surface has no levels"),
-        ("lod = 77", "level 77 does not exist"),
-    ] {
-        let message = mistake(&folder, &scene(object));
+    for [object, words] in table_rows(LACKING) {
+        let message = mistake(&folder, &scene(&object.replace("; ", "\n")));
         assert!(message.contains(words), "{object}: {message}");
     }
     // And with everything it needs, by every name of a level.
@@ -226,17 +220,17 @@ fn levels_against_the_finest() {
     assert!(reflects.len() >= 50);
     let fabric = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/fabrics/towel.toml");
     let spp = if full { "16384" } else { "1024" };
-    let run = |more: &[&str]| {
+    let run = |more: &str| {
         let mut arguments = vec!["measure", fabric.to_str().unwrap(), "--pairs", "pairs.csv"];
         arguments.extend(["--spp", spp, "-o", "out.csv"]);
-        arguments.extend(more);
+        arguments.extend(argv(more));
         let started = std::time::Instant::now();
         succeed(&folder, &arguments);
         let seconds = started.elapsed().as_secs_f64();
         let table = std::fs::read_to_string(folder.join("out.csv")).unwrap();
         (csv_numbers(&table), seconds)
     };
-    let (finest, seconds) = run(&["--level", "0", "--seed", "0"]);
+    let (finest, seconds) = run("--level 0 --seed 0");
     println!("level 0: {seconds:.1} s");
     let levels: &[&str] = if full {
         &["1", "2", "3", "4"]
@@ -245,8 +239,8 @@ fn levels_against_the_finest() {
     };
     let levels = levels
         .iter()
-        .map(|l| (*l, vec!["--level", *l, "--seed", *l]));
-    for (name, more) in levels.chain([("surface", vec!["--model", "surface"])]) {
+        .map(|l| (*l, format!("--level {l} --seed {l}")));
+    for (name, more) in levels.chain([("surface", "--model surface".to_owned())]) {
         let (rows, seconds) = run(&more);
         for (reflected, what) in [(true, "reflected"), (false, "transmitted")] {
             let on_side: Vec<usize> = (0..reflects.len())

@@ -3,9 +3,9 @@
 
 use crate::fabrics::cotton;
 use crate::in_process::{build, mistake, picture};
-use crate::program::{argv, bytes, complaint, folder, succeed};
+use crate::program::{bytes, complaint, folder, succeed};
 use organza_scene::loader::Loader;
-use organza_testing::csv_numbers;
+use organza_testing::{assert_contains, csv_numbers};
 use organza_transport::{EngineChoice, Film, Integrator, RenderSettings, Rendering, engine};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -30,27 +30,27 @@ fn sheet(folder: &Path) {
     .unwrap();
 }
 
-fn make(folder: &Path, out: &str, more: &[&str]) -> String {
-    let table = argv("table cloth.toml --model surface --held-out 32");
-    let mut arguments = [&table[..], &["--held-out-spp", "2", "-o", out]].concat();
-    if !more.contains(&"--spp") {
-        arguments.extend(["--spp", "512"]);
-    }
-    arguments.extend(more);
-    succeed(folder, &arguments)
+fn make(folder: &Path, out: &str, more: &str) -> String {
+    let spp = if more.contains("--spp") {
+        ""
+    } else {
+        "--spp 512"
+    };
+    let table = "table cloth.toml --model surface --held-out 32 --held-out-spp 2";
+    succeed(folder, &format!("{table} -o {out} {spp} {more}"))
 }
 
 #[test]
 fn a_known_sheet_is_found_again() {
     let folder = folder("far_table");
     sheet(&folder);
-    let printed = make(&folder, "cloth.bsdf", &["--json"]);
-    assert!(printed.contains("\"nodes\": 738"), "{printed}");
+    let printed = make(&folder, "cloth.bsdf", "--json");
+    assert_contains(&printed, "\"nodes\": 738");
     let pairs =
         "theta_i,phi_i,theta_o,phi_o\n10,20,40,200\n60,0,150,70\n130,10,20,33\n80,5,75,185\n";
     std::fs::write(folder.join("pairs.csv"), pairs).unwrap();
-    let measure = argv("measure cloth.toml --model table --pairs pairs.csv");
-    succeed(&folder, &[&measure[..], &["-o", "out.csv"]].concat());
+    let measure = "measure cloth.toml --model table --pairs pairs.csv";
+    succeed(&folder, &format!("{measure} -o out.csv"));
     let rows = csv_numbers(&String::from_utf8(bytes(&folder, "out.csv")).unwrap());
     let [reflected, transmitted] = [[0.4, 0.5, 0.1], [0.2, 0.3, 0.3]];
     for (row, truth) in rows
@@ -72,9 +72,9 @@ fn a_known_sheet_is_found_again() {
         "theta_i,phi_i\n0,0\n50,40\n150,10\n",
     )
     .unwrap();
-    let albedo = argv("measure cloth.toml --model table --albedo --pairs from.csv");
-    let rest = ["--spp", "20000", "-o", "albedo.json"];
-    succeed(&folder, &[&albedo[..], &rest].concat());
+    let albedo = "measure cloth.toml --model table --albedo --pairs from.csv";
+    let rest = "--spp 20000 -o albedo.json";
+    succeed(&folder, &format!("{albedo} {rest}"));
     let text = String::from_utf8(bytes(&folder, "albedo.json")).unwrap();
     let found: serde_json::Value = serde_json::from_str(&text).unwrap();
     for row in found["albedo"].as_array().unwrap() {
@@ -96,7 +96,7 @@ fn a_known_sheet_is_found_again() {
     let open = |key: &str| found[key].as_f64().unwrap();
     assert!(open("se_openness") > 0.006, "{}", open("se_openness"));
     assert!((open("openness") - 0.2).abs() < 5.0 * open("se_openness"));
-    let about = succeed(&folder, &["info", "cloth.bsdf", "--json"]);
+    let about = succeed(&folder, "info cloth.bsdf --json");
     let about: serde_json::Value = serde_json::from_str(&about).unwrap();
     assert_eq!(
         (&about["kind"], &about["nodes"]),
@@ -111,9 +111,9 @@ fn a_known_sheet_is_found_again() {
 fn tables_do_not_depend_on_threads_or_interruptions() {
     let folder = folder("far_table_again");
     sheet(&folder);
-    let spp = ["--spp", "64", "--threads"];
-    make(&folder, "one.bsdf", &[&spp[..], &["1"]].concat());
-    let with_journal = [&spp[..], &["3", "--journal", "journal"]].concat();
+    let spp = "--spp 64 --threads";
+    make(&folder, "one.bsdf", &format!("{spp} 1"));
+    let with_journal = format!("{spp} 3 --journal journal");
     make(&folder, "two.bsdf", &with_journal);
     // As if the machine had stopped in the middle.
     let journal = bytes(&folder, "journal");
@@ -121,7 +121,7 @@ fn tables_do_not_depend_on_threads_or_interruptions() {
     make(&folder, "three.bsdf", &with_journal);
     let one = bytes(&folder, "one.bsdf");
     assert!(one == bytes(&folder, "two.bsdf") && one == bytes(&folder, "three.bsdf"));
-    make(&folder, "other.bsdf", &["--spp", "64", "--seed", "1"]);
+    make(&folder, "other.bsdf", "--spp 64 --seed 1");
     assert!(one != bytes(&folder, "other.bsdf"));
 }
 
@@ -152,8 +152,8 @@ fabric = "cloth.toml"
     };
     let shown = scene("model = \"table\"");
     let missing = mistake(&folder, &shown);
-    assert!(missing.contains("organza table"), "{missing}");
-    make(&folder, "cloth.bsdf", &[]);
+    assert_contains(&missing, "organza table");
+    make(&folder, "cloth.bsdf", "");
     let furnace = picture(&folder, &shown, &[]);
     assert!(furnace.warnings.is_empty(), "{:?}", furnace.warnings);
     // What is sent on and what passes: 0.8, 1 and 0.6 of the light; 4096 paths.
@@ -185,7 +185,7 @@ fn fibres_become_their_table_with_distance() {
     const SEED: u64 = 3;
     let folder = folder("far_table_levels");
     sheet(&folder);
-    make(&folder, "cloth.bsdf", &[]);
+    make(&folder, "cloth.bsdf", "");
     let scene = |lod: &str| {
         format!(
             r#"[render]
@@ -284,12 +284,12 @@ model = "{model}"
     };
     let make = |texels: &str| {
         let table = "table cloth.toml -o cloth.bsdf --spp 64 --texel-spp 64 --held-out 0 --json";
-        succeed(&folder, &[&argv(table)[..], &["--texels", texels]].concat())
+        succeed(&folder, &format!("{table} --texels {texels}"))
     };
     let made = make("256");
-    assert!(made.contains("\"texels\""), "{made}");
+    assert_contains(&made, "\"texels\"");
     // What was not measured, without held-out pairs, is not taken for good.
-    assert!(made.contains("\"error_at_most\": null"), "{made}");
+    assert_contains(&made, "\"error_at_most\": null");
     let textured = pixels("table");
     assert!(!make("0").contains("\"texels\""));
     let plain = pixels("table");
@@ -317,13 +317,13 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
 fn wrong_requests_are_refused() {
     let folder = folder("far_table_refused");
     sheet(&folder);
-    let say = |more: &[&str]| complaint(&folder, &[&["table", "cloth.toml"], more].concat());
-    assert!(say(&["-o", "cloth.xml"]).contains("ends in .bsdf"));
-    assert!(say(&["-o", "a.bsdf", "--model", "table"]).contains("from a table"));
-    let few = say(&["-o", "a.bsdf", "--target-error", "0.1", "--held-out", "0"]);
-    assert!(few.contains("--held-out"), "{few}");
+    let say = |more: &str| complaint(&folder, &format!("table cloth.toml {more}"));
+    assert!(say("-o cloth.xml").contains("ends in .bsdf"));
+    assert!(say("-o a.bsdf --model table").contains("from a table"));
+    let few = say("-o a.bsdf --target-error 0.1 --held-out 0");
+    assert_contains(&few, "--held-out");
     std::fs::write(folder.join("cloth.bsdf"), b"tensor_file\0").unwrap();
-    let rgl = complaint(&folder, &["info", "cloth.bsdf"]);
-    assert!(rgl.contains("is not a table of organza"), "{rgl}");
+    let said = complaint(&folder, "info cloth.bsdf");
+    assert_contains(&said, "is not a table of organza");
     assert!(!folder.join("a.bsdf").exists());
 }

@@ -4,8 +4,9 @@
 //! the engines themselves.
 
 use crate::cli::write_grid_scene;
-use crate::program::{argv, bytes, folder, organza, picture, succeed};
+use crate::program::{bytes, ended, folder, organza, picture, succeed};
 use crate::slab::write_slab;
+use organza_testing::assert_contains;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -201,7 +202,7 @@ fn templates_name_what_they_declare_and_depend_on_steps_before() {
 fn parts_of_a_template_merge_to_the_picture_of_one_run() {
     let folder = folder("farm-render");
     write_grid_scene(&folder);
-    let whole = picture(&folder, &["--spp", "20", "--set", "camera.width_mm=1.5"]);
+    let whole = picture(&folder, "--spp 20 --set camera.width_mm=1.5");
     let template = Template::read("render.yaml");
     let job = values(&[
         ("Scene", "scene.toml"),
@@ -216,9 +217,8 @@ fn parts_of_a_template_merge_to_the_picture_of_one_run() {
     must_succeed(&part(17));
     // A part is missing: an error, and no picture.
     let out = merge();
-    let words = String::from_utf8_lossy(&out.stderr).into_owned();
-    assert_eq!(out.status.code(), Some(2), "{words}");
-    assert!(words.contains("samples_8_16.exr: no such file"), "{words}");
+    let words = ended(&out, 2);
+    assert_contains(&words, "samples_8_16.exr: no such file");
     assert!(!folder.join("a farm/picture.exr").exists());
     // A task that runs again resumes.
     must_succeed(&part(9));
@@ -260,12 +260,13 @@ fn frames_of_a_template_are_those_of_single_runs() {
         must_succeed(&run("Render", &[("Frame", 2), ("FirstSample", first)]));
     }
     must_succeed(&run("Merge", &[("Frame", 2)]));
-    let set = ["--set", "camera.width_mm=1.25", "--set", "render.seed=4"];
-    let alone = picture(&folder, &[&["--spp", "5"], &set[..]].concat());
+    let alone = picture(
+        &folder,
+        "--spp 5 --set camera.width_mm=1.25 --set render.seed=4",
+    );
     assert!(bytes(&folder, "frames/frame_0002.exr") == alone);
     let beyond = run("Render", &[("Frame", 3), ("FirstSample", 1)]);
-    let words = String::from_utf8_lossy(&beyond.stderr).into_owned();
-    assert_eq!(beyond.status.code(), Some(2), "{words}");
+    let words = ended(&beyond, 2);
     assert_eq!(words, "frames.txt: line 3 is missing or empty\n");
 }
 
@@ -296,8 +297,10 @@ fn tables_of_a_template_are_those_of_single_runs() {
         must_succeed(&run("JoinRows", &[("Fabric", fabric)]));
     }
     must_succeed(&run("JoinFabrics", &[]));
-    let measure = argv("measure slab.toml --pairs pairs.csv --spp 64");
-    succeed(&folder, &[&measure[..], &["-o", "whole.csv"]].concat());
+    succeed(
+        &folder,
+        "measure slab.toml --pairs pairs.csv --spp 64 -o whole.csv",
+    );
     let whole = String::from_utf8(bytes(&folder, "whole.csv")).unwrap();
     for fabric in [1, 2] {
         let table = bytes(&folder, &format!("tables/fabric_{fabric}.csv"));
@@ -317,7 +320,7 @@ fn parts_of_an_array_job_merge_to_the_picture_of_one_run() {
     let folder = folder("farm-slurm");
     write_grid_scene(&folder);
     let set = ["--set", "camera.width_mm=1.5"];
-    let whole = picture(&folder, &[&["--spp", "20"], &set[..]].concat());
+    let whole = picture(&folder, "--spp 20 --set camera.width_mm=1.5");
     let run = |script: &str, arguments: &[&str], task: &str| {
         Command::new("bash")
             .arg(farm().join(script))

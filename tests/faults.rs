@@ -5,7 +5,8 @@
 
 use crate::cli::write_grid_scene;
 use crate::fabrics::COTTON_SATIN;
-use crate::program::{argv, complaint, files_left, folder, organza, succeed};
+use crate::program::{argv, complaint, ended, files_left, folder, organza, succeed};
+use organza_testing::assert_contains;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -48,8 +49,7 @@ fn a_checkpoint_that_cannot_be_saved_costs_no_picture() {
         .current_dir(&folder)
         .output()
         .unwrap();
-    let message = String::from_utf8_lossy(&out.stderr);
-    assert_eq!(out.status.code(), Some(1), "{message}");
+    let message = ended(&out, 1);
     assert_eq!(message.lines().count(), 1, "{message}");
     assert!(
         message.contains("the picture out.png with 4 of 4 samples is written")
@@ -60,8 +60,8 @@ fn a_checkpoint_that_cannot_be_saved_costs_no_picture() {
     let whole = std::fs::read(folder.join("out.png")).unwrap();
     assert!(!folder.join("state").exists());
     // Known bad: without the limit both are there, and the picture is the same.
-    let both = ["render", "scene.toml", "-o", "b.png", "--spp", "4"];
-    succeed(&folder, &[&both[..], &["--checkpoint", "state"]].concat());
+    let both = "render scene.toml -o b.png --spp 4";
+    succeed(&folder, &format!("{both} --checkpoint state"));
     assert_eq!(std::fs::read(folder.join("b.png")).unwrap(), whole);
     assert!(std::fs::metadata(folder.join("state")).unwrap().len() > 16 * 1024);
 }
@@ -116,9 +116,8 @@ fn a_full_disk_is_reported_and_leaves_nothing() {
     let kept = "render scene.toml -o out.png --set camera.resolution=[64,64] \
                 --checkpoint disk/state --quiet";
     let out = with_disk(&folder, mount, limit, kept);
-    let message = String::from_utf8_lossy(&out.stderr);
-    assert_eq!(out.status.code(), Some(1), "{message}");
-    assert!(message.contains("cannot write disk/state"), "{message}");
+    let message = ended(&out, 1);
+    assert_contains(&message, "cannot write disk/state");
     assert!(folder.join("out.png").exists(), "the picture is kept");
 }
 
@@ -146,8 +145,7 @@ fn a_folder_that_takes_no_files_is_reported_before_the_work_begins() {
         "man -o disk",
     ] {
         let out = with_disk(&folder, mount, closed, &format!("{arguments} </dev/null"));
-        let said = String::from_utf8_lossy(&out.stderr);
-        assert_eq!(out.status.code(), Some(2), "{arguments}: {said}");
+        let said = ended(&out, 2);
         assert_eq!(said.lines().count(), 1, "{arguments}: {said}");
         assert!(
             reasons
@@ -173,24 +171,21 @@ fn devices_and_pipes_are_neither_read_nor_replaced() {
         ("albedo", "pipe"),
     ] {
         let set = format!("object.0.{key}={file}");
-        let said = complaint(
-            &folder,
-            &["render", "scene.toml", "-o", "x.exr", "--set", &set],
-        );
+        let said = complaint(&folder, &format!("render scene.toml -o x.exr --set {set}"));
         assert_eq!(said, format!("organza: {file}: {special}a file"));
     }
-    let said = complaint(&folder, &["info", "pipe"]);
+    let said = complaint(&folder, "info pipe");
     assert_eq!(said, format!("organza: pipe: {special}a file"));
     // To open it would be to wait.
     std::fs::rename(folder.join("pipe"), folder.join("pipe.tif")).unwrap();
-    let scan = ["scan", "pipe.tif", "--voxel-um", "1", "-o", "x.ovox"];
+    let scan = "scan pipe.tif --voxel-um 1 -o x.ovox";
     let said = complaint(&folder, &scan);
     assert_eq!(said, format!("organza: pipe.tif: {special}a file"));
     std::os::unix::fs::symlink("/dev/zero", folder.join("endless.toml")).unwrap();
-    let said = complaint(&folder, &["info", "endless.toml"]);
+    let said = complaint(&folder, "info endless.toml");
     assert_eq!(said, format!("organza: endless.toml: {special}a file"));
     std::os::unix::fs::symlink("/dev/full", folder.join("out.csv")).unwrap();
-    let arguments = ["measure", "cloth.toml", "--layout", "grid", "-o", "out.csv"];
+    let arguments = "measure cloth.toml --layout grid -o out.csv";
     let said = complaint(&folder, &arguments);
     assert_eq!(
         said,
@@ -210,22 +205,19 @@ fn too_little_memory_is_reported_before_it_is_taken() {
     std::fs::write(folder.join("cloth_scene.toml"), scene).unwrap();
     let large = "camera.resolution=[65536,65536]";
     for arguments in [
-        &["render", "scene.toml", "-o", "x.exr", "--set", large][..],
-        &["render", "cloth_scene.toml", "-o", "x.exr"],
-        &argv("measure cloth.toml --layout irawan -o x.exr --model surface"),
-        &argv("render cloth_scene.toml -o x.exr --set render.integrator='fibres'"),
-        &["voxelize", "cloth.toml", "-o", "x.ovox"],
-        &["measure", "cloth.toml", "--layout", "grid", "-o", "x.csv"],
-        &["measure", "cloth.toml", "--layout", "irawan", "-o", "x.csv"],
-        &argv("measure cloth.toml --layout irawan -o x.csv --model fibres"),
-        &argv("compare cloth.toml -o report --models packed,plain"),
-        &["fit", "surface", "cloth.toml", "-o", "x.toml"],
-        &["export", "mitsuba", "cloth_scene.toml", "-o", "out"],
+        &format!("render scene.toml -o x.exr --set {large}"),
+        "render cloth_scene.toml -o x.exr",
+        "measure cloth.toml --layout irawan -o x.exr --model surface",
+        "render cloth_scene.toml -o x.exr --set render.integrator='fibres'",
+        "voxelize cloth.toml -o x.ovox",
+        "measure cloth.toml --layout grid -o x.csv",
+        "measure cloth.toml --layout irawan -o x.csv",
+        "measure cloth.toml --layout irawan -o x.csv --model fibres",
+        "compare cloth.toml -o report --models packed,plain",
+        "fit surface cloth.toml -o x.toml",
+        "export mitsuba cloth_scene.toml -o out",
     ] {
-        let said = complaint(
-            &folder,
-            &[arguments, &["--quiet", "--max-memory", "100KiB"]].concat(),
-        );
+        let said = complaint(&folder, &format!("{arguments} --quiet --max-memory 100KiB"));
         assert!(
             said.contains("bytes of memory, ") && said.contains(" are allowed: "),
             "{arguments:?}: {said}"
@@ -249,9 +241,8 @@ fn the_limit_of_the_address_space_is_a_limit_of_memory() {
         .args(["-c", &format!("ulimit -v 600000; {render}")])
         .output()
         .unwrap();
-    let words = String::from_utf8_lossy(&out.stderr);
-    assert_eq!(out.status.code(), Some(2), "{words}");
-    assert!(words.contains(" are allowed"), "{words}");
+    let words = ended(&out, 2);
+    assert_contains(&words, " are allowed");
 }
 
 /// A scene names what is read, the command line alone what is written.
@@ -271,15 +262,7 @@ fn a_scene_writes_nowhere() {
         let set = format!("object.0.sggx={name}");
         organza(
             &inner,
-            &[
-                "render",
-                "scene.toml",
-                "-o",
-                "out.png",
-                "--set",
-                &set,
-                "--quiet",
-            ],
+            &format!("render scene.toml -o out.png --set {set} --quiet"),
         )
     };
     for name in ["../sggx.vol", "../inner/../sggx.vol", "link.vol"] {
@@ -292,8 +275,7 @@ fn a_scene_writes_nowhere() {
         ("..", "is a folder; expected a file"),
     ] {
         let out = render(&format!("\"{name}\""));
-        let said = String::from_utf8_lossy(&out.stderr);
-        assert_eq!(out.status.code(), Some(2), "{name}: {said}");
+        let said = ended(&out, 2);
         assert!(
             said.contains(why) || cfg!(not(target_os = "linux")),
             "{said}"

@@ -1,7 +1,8 @@
 //! How far a single sample may stand out, and what a clamp takes away.
 
 use crate::cli::write_grid_scene;
-use crate::program::{argv, complaint, exr_channels, folder, organza, succeed};
+use crate::program::{complaint, ended, exr_channels, folder, organza, succeed};
+use organza_testing::assert_contains;
 use std::path::Path;
 
 /// The number at a place after a word in the statistics of a render.
@@ -33,14 +34,8 @@ fn no_sample_of_the_standard_scenes_is_a_firefly() {
     ] {
         let scene = scenes.join(name);
         let size = format!("camera.resolution=[{edge},{edge}]");
-        let mut arguments = vec![
-            "render",
-            scene.to_str().unwrap(),
-            "-o",
-            "out.exr",
-            "--stats",
-        ];
-        arguments.extend(["--spp", spp, "--set", &size]);
+        let mut arguments = vec!["render", scene.to_str().unwrap(), "-o", "out.exr"];
+        arguments.extend(["--stats", "--spp", spp, "--set", &size]);
         if !full && name == "first_light.toml" {
             arguments.extend(["--set", "object.0.voxel_um=24.0"]);
         }
@@ -55,7 +50,7 @@ fn no_sample_of_the_standard_scenes_is_a_firefly() {
             !is_twin || times > WINDOW_LIMIT,
             "{name}: the twin passed: {words}"
         );
-        assert!(words.contains("rejected      0 "), "{words}");
+        assert_contains(&words, "rejected      0 ");
     }
 }
 
@@ -63,16 +58,16 @@ fn no_sample_of_the_standard_scenes_is_a_firefly() {
 fn a_clamp_tells_what_it_takes_away_and_takes_no_more() {
     let folder = folder("clamp");
     write_grid_scene(&folder);
-    let render = |outfile: &str, more: &[&str]| {
-        let mut arguments = vec!["render", "scene.toml", "-o", outfile, "--backend", "walk"];
-        arguments.extend(["--set", "light.0.radiance=[0.2,0.3,0.1]", "--stats"]);
-        succeed(&folder, &[&arguments[..], more].concat())
+    let render = |outfile: &str, more: &str| {
+        let dim = "--set light.0.radiance=[0.2,0.3,0.1] --stats";
+        let render = format!("render scene.toml -o {outfile} --backend walk {dim} {more}");
+        succeed(&folder, &render)
     };
-    let spp: &[&str] = &["--spp", "32"];
+    let spp = "--spp 32";
     let free = render("free.exr", spp);
     assert!(!free.contains("clamped"), "{free}");
-    let clamp: &[&str] = &["--clamp", "0.25"];
-    let held = render("held.exr", &[spp, clamp].concat());
+    let clamp = "--clamp 0.25";
+    let held = render("held.exr", &format!("{spp} {clamp}"));
     // The same samples, so the means differ by what was taken away.
     let total = |words: &str| -> f64 {
         let colours = ["mean red", "mean green", "mean blue"];
@@ -91,26 +86,23 @@ fn a_clamp_tells_what_it_takes_away_and_takes_no_more() {
         .fold(0.0f32, |a, &b| a.max(b));
     assert!(most < 0.250_001, "{most}");
     // Far above everything it does nothing.
-    let high = render("high.exr", &[spp, &["--clamp", "50"]].concat());
+    let high = render("high.exr", &format!("{spp} --clamp 50"));
     assert_eq!((figure(&high, "clamped", 0), total(&high)), (0.0, before));
     // Parts add up to the same file, the figure in it included.
     for (name, range) in [("a.exr", "0..8"), ("b.exr", "8..32")] {
-        render(name, &[clamp, &["--samples", range]].concat());
+        render(name, &format!("{clamp} --samples {range}"));
     }
-    succeed(&folder, &["merge", "b.exr", "a.exr", "-o", "all.exr"]);
+    succeed(&folder, "merge b.exr a.exr -o all.exr");
     let bytes = |name: &str| std::fs::read(folder.join(name)).unwrap();
     assert!(bytes("all.exr") == bytes("held.exr"));
     // Clamped and other samples do not mix, and the kernel leaves them alone.
-    render("c.exr", &["--samples", "8..32"]);
-    let said = complaint(&folder, &["merge", "a.exr", "c.exr", "-o", "all.exr"]);
-    assert!(said.contains("cannot join"), "{said}");
-    let arguments = ["render", "scene.toml", "-o", "x.exr", "--clamp", "1"];
-    let said = complaint(
-        &folder,
-        &[&arguments[..], &["--backend", "scalar"]].concat(),
-    );
-    assert!(said.contains("clamping needs the general walk"), "{said}");
-    let wrong = argv("render scene.toml -o x.exr --set render.clamp=-1.0");
+    render("c.exr", "--samples 8..32");
+    let told = complaint(&folder, "merge a.exr c.exr -o all.exr");
+    assert_contains(&told, "cannot join");
+    let arguments = "render scene.toml -o x.exr --clamp 1";
+    let said = complaint(&folder, &format!("{arguments} --backend scalar"));
+    assert_contains(&said, "clamping needs the general walk");
+    let wrong = "render scene.toml -o x.exr --set render.clamp=-1.0";
     let said = complaint(&folder, &wrong);
     assert_eq!(
         said,
@@ -134,14 +126,10 @@ fn samples_that_films_cannot_hold_end_a_render_with_status_1() {
         );
         let text = format!("{head}{light}[[object]]{object}");
         std::fs::write(folder.join("scene.toml"), text).unwrap();
-        organza(
-            &folder,
-            &["render", "scene.toml", "-o", "out.exr", "--quiet"],
-        )
+        organza(&folder, "render scene.toml -o out.exr --quiet")
     };
     let out = lit("1e14, 1.0, 1.0");
-    let said = String::from_utf8_lossy(&out.stderr);
-    assert_eq!(out.status.code(), Some(1), "{said}");
+    let said = ended(&out, 1);
     assert!(
         said.contains("brighter than 4.2949673e9") && said.contains("left out of out.exr"),
         "{said}"

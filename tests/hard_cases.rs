@@ -145,7 +145,7 @@ enum Outcome {
 }
 
 /// Every view, light and tracker of one matter, which is given back.
-fn survive(case: &str, matter: Matter, wrong: &mut String, ways: &mut u32) {
+fn survive(case: &str, matter: Matter, wrong: &mut String, pictures: &mut u32) {
     let Matter {
         name,
         medium,
@@ -177,7 +177,7 @@ fn survive(case: &str, matter: Matter, wrong: &mut String, ways: &mut u32) {
                 let Some(outcome) = take(&scene, tracker, spp) else {
                     continue;
                 };
-                *ways += 1;
+                *pictures += 1;
                 let why = match &outcome {
                     Outcome::Failed(_) => Some("ended in an error"),
                     Outcome::Picture { rejected: 1.., .. } => Some("samples rejected"),
@@ -241,7 +241,7 @@ fn survive(case: &str, matter: Matter, wrong: &mut String, ways: &mut u32) {
 
 #[test]
 fn every_medium_and_tracker_survives_every_geometry() {
-    let (mut wrong, mut log, mut ways) = (String::new(), String::new(), 0);
+    let (mut wrong, mut log, mut pictures) = (String::new(), String::new(), 0);
     // In short every third of them, another third for every geometry.
     let step = if full(1) > 1 { 1 } else { 3 };
     for (first, (case, source)) in geometries().into_iter().enumerate() {
@@ -250,16 +250,16 @@ fn every_medium_and_tracker_survives_every_geometry() {
         let all = matters(&source, &mut log);
         let _ = writeln!(log, "    {} kinds of matter", all.len());
         for matter in all.into_iter().skip(first % step).step_by(step) {
-            survive(case, matter, &mut wrong, &mut ways);
+            survive(case, matter, &mut wrong, &mut pictures);
         }
         println!("{case}: {:.1} s", started.elapsed().as_secs_f64());
     }
     for matter in grids() {
-        survive("grids", matter, &mut wrong, &mut ways);
+        survive("grids", matter, &mut wrong, &mut pictures);
     }
-    println!("{log}{ways} pictures");
+    println!("{log}{pictures} pictures");
     assert!(wrong.is_empty(), "seed {SEED:#x}\n{wrong}");
-    assert!(ways > 800, "only {ways}");
+    assert!(pictures > 800, "only {pictures}");
 }
 
 /// Light takes the same way back through a slab of sine-power flakes.
@@ -281,7 +281,7 @@ fn a_slab_of_sine_power_flakes_is_reciprocal() {
     let media = vec![AnyMedium::FlakeOctree(medium)];
     let patch = VolumePatch::of_media(media, Integrator::Woodcock).unwrap();
     let angles = |theta_deg, phi_deg| Angles { theta_deg, phi_deg };
-    let ways: Vec<Pair> = [
+    let pairs: Vec<Pair> = [
         [angles(20.0, 10.0), angles(65.0, 200.0)],
         [angles(0.0, 0.0), angles(50.0, 80.0)],
         [angles(30.0, 0.0), angles(140.0, 130.0)],
@@ -291,23 +291,19 @@ fn a_slab_of_sine_power_flakes_is_reciprocal() {
     .flat_map(|[a, b]| [[a, b], [b, a]])
     .map(|[incident, exitant]| Pair { incident, exitant })
     .collect();
-    let effort = Effort {
-        paths: full(20_000),
-        seed: SEED,
-        target_error: None,
-    };
-    let values = measure_pairs(&patch, &ways, &effort, &unwatched)
+    let effort = Effort::new(full(20_000), SEED);
+    let values = measure_pairs(&patch, &pairs, &effort, &unwatched)
         .unwrap()
         .list;
     let (mut least, mut twin) = (1.0f64, 1.0f64);
-    for way in values.chunks_exact(2) {
+    for both in values.chunks_exact(2) {
         for c in 0..3 {
-            let [a, b] = [&way[0], &way[1]].map(|v| (v.bsdf.mean[c], v.bsdf.se[c]));
+            let [a, b] = [&both[0], &both[1]].map(|v| (v.bsdf.mean[c], v.bsdf.se[c]));
             assert!(a.0 > 0.0 && b.0 > 0.0);
             least = least.min(z_test(a.0, b.0, a.1.hypot(b.1)).p_value);
             // The twin forgets to divide by the cosine of the incident side.
             let [p, q] =
-                [&way[0], &way[1]].map(|v| v.pair.incident.theta_deg.to_radians().cos().abs());
+                [&both[0], &both[1]].map(|v| v.pair.incident.theta_deg.to_radians().cos().abs());
             let se = (a.1 * p).hypot(b.1 * q);
             twin = twin.min(z_test(a.0 * p, b.0 * q, se).p_value);
         }

@@ -48,22 +48,32 @@ struct Tally {
 /// A command that is killed again and again.
 struct Victim<'a> {
     name: &'a str,
-    arguments: &'a [&'a str],
+    line: &'a str,
     /// What it writes in the end.
     outputs: &'a [&'a str],
     /// What it keeps on the way, and the flags for that.
     state: Option<&'a str>,
-    keep: &'a [&'a str],
+    keep: &'a str,
     /// The flag to go on with, where there is one.
-    resume: &'a [&'a str],
+    resume: &'a str,
 }
+
+/// A command that keeps nothing on the way.
+const VICTIM: Victim<'_> = Victim {
+    name: "",
+    line: "",
+    outputs: &[],
+    state: None,
+    keep: "",
+    resume: "",
+};
 
 impl Victim<'_> {
     /// The flag that sets the number of threads.
-    fn threads<'t>(&self, threads: &'t str) -> Vec<&'t str> {
+    fn threads(&self, threads: &str) -> String {
         match self.name {
-            "merge" => Vec::new(), // works on one
-            _ => vec!["--threads", threads],
+            "merge" => String::new(), // works on one
+            _ => format!("--threads {threads}"),
         }
     }
 
@@ -72,8 +82,7 @@ impl Victim<'_> {
     fn torment(&self, folder: &Path) {
         let inputs = files_left(folder);
         let started = Instant::now();
-        let plain = [self.arguments, &self.threads("1")].concat();
-        succeed(folder, &plain);
+        succeed(folder, &format!("{} {}", self.line, self.threads("1")));
         let whole_s = started.elapsed().as_secs_f64();
         // Of an output that is a folder, the files in it.
         let written = || -> BTreeMap<String, Vec<u8>> {
@@ -117,6 +126,11 @@ impl Victim<'_> {
                 assert!(known, "{}: {name} was left {at}", self.name);
             }
         };
+        let has_state = || self.state.is_some_and(|s| folder.join(s).exists());
+        let kept = || {
+            let resume = if has_state() { self.resume } else { "" };
+            format!("{} {} {resume}", self.line, self.keep)
+        };
         clear();
         let mut rng = PathRng::from_seed(SEED);
         let mut tally = Tally::default();
@@ -127,16 +141,12 @@ impl Victim<'_> {
             } else {
                 0.9 + 0.2 * place
             };
-            let goes_on = self.state.is_some_and(|s| folder.join(s).exists());
-            tally.resumed += u32::from(goes_on);
+            tally.resumed += u32::from(has_state());
             let threads = if tally.killed % 2 == 0 { "1" } else { "2" };
-            let mut arguments = [self.arguments, self.keep].concat();
-            arguments.extend(self.threads(threads));
-            arguments.push("--quiet");
-            arguments.extend(self.resume.iter().filter(|_| goes_on));
+            let line = format!("{} {} --quiet", kept(), self.threads(threads));
             let mut child = Command::new(env!("CARGO_BIN_EXE_organza"))
                 .current_dir(folder)
-                .args(&arguments)
+                .args(argv(&line))
                 .stdout(Stdio::null())
                 .stderr(Stdio::null())
                 .spawn()
@@ -171,10 +181,7 @@ impl Victim<'_> {
             }
         }
         // What is there now is brought to its end.
-        let goes_on = self.state.is_some_and(|s| folder.join(s).exists());
-        let mut arguments = [self.arguments, self.keep].concat();
-        arguments.extend(self.resume.iter().filter(|_| goes_on));
-        succeed(folder, &arguments);
+        succeed(folder, &kept());
         check("in the end");
         let present = self.outputs.iter().all(|n| folder.join(n).exists());
         assert!(present, "{}", self.name);
@@ -190,23 +197,13 @@ impl Victim<'_> {
 fn a_render_killed_at_any_moment_goes_on_to_the_same_bytes() {
     let folder = folder("kill-render");
     write_grid_scene(&folder);
-    let resolution = "camera.resolution=[96,64]";
     Victim {
         name: "render",
-        arguments: &[
-            "render",
-            "scene.toml",
-            "-o",
-            "out.exr",
-            "--spp",
-            "400",
-            "--set",
-            resolution,
-        ],
+        line: "render scene.toml -o out.exr --spp 400 --set camera.resolution=[96,64]",
         outputs: &["out.exr"],
         state: Some("state"),
-        keep: &["--checkpoint", "state", "--checkpoint-every", "0s"],
-        resume: &["--resume"],
+        keep: "--checkpoint state --checkpoint-every 0s",
+        resume: "--resume",
     }
     .torment(&folder);
 }
@@ -218,11 +215,9 @@ fn a_volume_or_a_table_has_its_name_only_when_whole() {
     let voxelize = |name, outfile, outputs| {
         Victim {
             name,
-            arguments: &["voxelize", "cloth.toml", "-o", outfile],
+            line: &format!("voxelize cloth.toml -o {outfile}"),
             outputs,
-            state: None,
-            keep: &[],
-            resume: &[],
+            ..VICTIM
         }
         .torment(&folder);
         for name in outputs {
@@ -235,13 +230,9 @@ fn a_volume_or_a_table_has_its_name_only_when_whole() {
     voxelize("voxelize .vol", "cloth.vol", three);
     Victim {
         name: "measure",
-        arguments: &argv(
-            "measure cloth.toml --layout grid --grid 2,4 --spp 64 --voxel-um 40 -o out.csv",
-        ),
+        line: "measure cloth.toml --layout grid --grid 2,4 --spp 64 --voxel-um 40 -o out.csv",
         outputs: &["out.csv"],
-        state: None,
-        keep: &[],
-        resume: &[],
+        ..VICTIM
     }
     .torment(&folder);
 }
@@ -252,13 +243,11 @@ fn a_fit_killed_at_any_moment_goes_on_to_the_same_bytes() {
     std::fs::write(folder.join("cloth.toml"), COTTON_SATIN).unwrap();
     Victim {
         name: "fit",
-        arguments: &argv(
-            "fit surface cloth.toml --spp 24 --voxel-um 50 --patience 2,4 -o fitted.toml",
-        ),
+        line: "fit surface cloth.toml --spp 24 --voxel-um 50 --patience 2,4 -o fitted.toml",
         outputs: &["fitted.toml"],
         state: Some("journal"),
-        keep: &["--journal", "journal"],
-        resume: &[],
+        keep: "--journal journal",
+        ..VICTIM
     }
     .torment(&folder);
 }
@@ -268,17 +257,17 @@ fn a_merged_picture_has_its_name_only_when_whole() {
     let folder = folder("kill-merge");
     write_grid_scene(&folder);
     for (name, range) in [("a.exr", "0..8"), ("b.exr", "8..16")] {
-        let large = "camera.resolution=[192,128]";
-        let part = ["render", "scene.toml", "--samples", range, "-o", name];
-        succeed(&folder, &[&part[..], &["--set", large]].concat());
+        let part = format!("render scene.toml --samples {range} -o {name}");
+        succeed(
+            &folder,
+            &format!("{part} --set camera.resolution=[192,128]"),
+        );
     }
     Victim {
         name: "merge",
-        arguments: &["merge", "a.exr", "b.exr", "-o", "all.exr"],
+        line: "merge a.exr b.exr -o all.exr",
         outputs: &["all.exr"],
-        state: None,
-        keep: &[],
-        resume: &[],
+        ..VICTIM
     }
     .torment(&folder);
 }
@@ -304,14 +293,12 @@ fn a_scan_killed_at_any_moment_goes_on_to_the_same_bytes() {
     write_ct(&folder.join("ct.raw"));
     Victim {
         name: "scan",
-        arguments: &argv(
-            "scan ct.raw --raw-size 24,24,24 --raw-type u8 --voxel-um 3.5 --fibre-radius-um \
+        line: "scan ct.raw --raw-size 24,24,24 --raw-type u8 --voxel-um 3.5 --fibre-radius-um \
              10.5 --fibre 170 -o scan.ovox",
-        ),
         outputs: &["scan.ovox"],
         state: Some("journal"),
-        keep: &["--journal", "journal"],
-        resume: &[],
+        keep: "--journal journal",
+        ..VICTIM
     }
     .torment(&folder);
 }
@@ -322,14 +309,10 @@ fn a_baked_folder_has_its_name_only_when_whole() {
     std::fs::write(folder.join("cloth.toml"), COTTON_SATIN).unwrap();
     Victim {
         name: "bake",
-        arguments: &argv(
-            "bake cloth.toml -o material --resolution 16 --texel-spp 4 --pairs 64 --spp 2 \
+        line: "bake cloth.toml -o material --resolution 16 --texel-spp 4 --pairs 64 --spp 2 \
              --fit-texels 16 --voxel-um 60",
-        ),
         outputs: &["material"],
-        state: None,
-        keep: &[],
-        resume: &[],
+        ..VICTIM
     }
     .torment(&folder);
 }

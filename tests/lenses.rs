@@ -3,7 +3,16 @@
 use crate::cli::write_grid_scene;
 use crate::in_process::{mistake, picture};
 use crate::program::folder;
+use organza_testing::table_rows;
 use organza_transport::{Film, Pixel};
+
+/// Keys of a thin lens, and the end of the message.
+const WRONG: &str = "
+ | camera: a thin lens takes either aperture_mm or f_number
+aperture_mm = 1.0; f_number = 2.0 | camera: a thin lens takes either aperture_mm or f_number
+aperture_mm = 1.0; focus_mm = -3.0 | camera: focus_mm must be positive, found -3
+aperture_mm = 1.0; sensor_width_mm = 24.0 | camera: sensor_width_mm belongs to f_number
+";
 
 #[test]
 fn thin_lenses_are_read_and_checked() {
@@ -30,25 +39,8 @@ fn thin_lenses_are_read_and_checked() {
     let pixels = by_number.pixels().iter().zip(by_diameter.pixels());
     let off = pixels.filter(|(a, b)| a.mean().0.x != b.mean().0.x).count();
     assert!(off <= 4, "{off} pixels differ");
-    for (keys, words) in [
-        (
-            "",
-            "camera: a thin lens takes either aperture_mm or f_number",
-        ),
-        (
-            "aperture_mm = 1.0\nf_number = 2.0",
-            "camera: a thin lens takes either aperture_mm or f_number",
-        ),
-        (
-            "aperture_mm = 1.0\nfocus_mm = -3.0",
-            "camera: focus_mm must be positive, found -3",
-        ),
-        (
-            "aperture_mm = 1.0\nsensor_width_mm = 24.0",
-            "camera: sensor_width_mm belongs to f_number",
-        ),
-    ] {
-        let message = mistake(&folder, &lens(keys));
+    for [keys, words] in table_rows(WRONG) {
+        let message = mistake(&folder, &lens(&keys.replace("; ", "\n")));
         let expected = format!("scene.toml: {words}");
         assert!(message.ends_with(&expected), "{message}");
     }

@@ -3,6 +3,7 @@
 use crate::cli::write_grid_scene;
 use crate::in_process::{mistake, picture};
 use crate::program::{complaint, folder, succeed};
+use organza_testing::{assert_contains, table_rows};
 use std::path::Path;
 
 /// Writes the grid scene with more text, and returns it.
@@ -14,52 +15,33 @@ fn scene_with(folder: &Path, more: &str) -> String {
     text
 }
 
+/// Lines after the scene, and a part of the message.
+const MISTAKES: &str = r#"
+[[light]]; kind = "environment" | light[1]: an environment takes either radiance or file
+[[light]]; kind = "environment"; radiance = [1.0, 1.0, 1.0]; scale = 2.0 | light[1]: scale belongs to an environment with a file
+[[light]]; kind = "environment"; file = "none.exr" | none.exr: no such file
+[[light]]; kind = "environment"; file = "not.exr" | not.exr: expected an OpenEXR (.exr), Radiance (.hdr) or TIFF (.tif) picture
+[[light]]; kind = "environment"; file = "short.hdr" | short.hdr:
+[[object]]; kind = "plane"; position_mm = [0.0, 0.0, -1.0]; reflectance = [1.0, 2.0, 0.0] | object[1]: reflectance: expected three numbers from 0 to 1
+extent_mm = [0.0, 0.0, 1.0, 1.0] | object[0]: extent_mm belongs to repeat_xy = true
+repeat_xy = true; extent_mm = [1.0, 0.0, 0.0, 1.0] | object[0]: extent_mm: expected x0, y0, x1, y1
+"#;
+
 #[test]
 fn mistakes_in_lights_and_planes_are_reported_with_their_key() {
     let folder = folder("light_mistakes");
     std::fs::write(folder.join("not.exr"), "no picture").unwrap();
     let hdr = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n";
     std::fs::write(folder.join("short.hdr"), hdr).unwrap();
-    for (more, expected) in [
-        (
-            "[[light]]\nkind = \"rectangle\"\ncorner_mm = [0.0, 0.0, 1.0]\n\
-             edge_u_mm = [1.0, 0.0, 0.0]\nedge_v_mm = [1.0, 1.0, 0.0]\nradiance = [1.0, 1.0, 1.0]\n",
-            "light[1]: edge_u_mm, edge_v_mm: the edges are not perpendicular",
-        ),
-        (
-            "[[light]]\nkind = \"environment\"\n",
-            "light[1]: an environment takes either radiance or file",
-        ),
-        (
-            "[[light]]\nkind = \"environment\"\nradiance = [1.0, 1.0, 1.0]\nscale = 2.0\n",
-            "light[1]: scale belongs to an environment with a file",
-        ),
-        (
-            "[[light]]\nkind = \"environment\"\nfile = \"none.exr\"\n",
-            "none.exr: no such file",
-        ),
-        (
-            "[[light]]\nkind = \"environment\"\nfile = \"not.exr\"\n",
-            "not.exr: expected an OpenEXR (.exr), Radiance (.hdr) or TIFF (.tif) picture",
-        ),
-        (
-            "[[light]]\nkind = \"environment\"\nfile = \"short.hdr\"\n",
-            "short.hdr: ",
-        ),
-        (
-            "[[object]]\nkind = \"plane\"\nposition_mm = [0.0, 0.0, -1.0]\nreflectance = [1.0, 2.0, 0.0]\n",
-            "object[1]: reflectance: expected three numbers from 0 to 1",
-        ),
-        (
-            "extent_mm = [0.0, 0.0, 1.0, 1.0]\n",
-            "object[0]: extent_mm belongs to repeat_xy = true",
-        ),
-        (
-            "repeat_xy = true\nextent_mm = [1.0, 0.0, 0.0, 1.0]\n",
-            "object[0]: extent_mm: expected x0, y0, x1, y1",
-        ),
-    ] {
-        let message = mistake(&folder, &scene_with(&folder, more));
+    let oblique = "[[light]]\nkind = \"rectangle\"\ncorner_mm = [0.0, 0.0, 1.0]\n\
+        edge_u_mm = [1.0, 0.0, 0.0]\nedge_v_mm = [1.0, 1.0, 0.0]\nradiance = [1.0, 1.0, 1.0]\n";
+    assert_contains(
+        &mistake(&folder, &scene_with(&folder, oblique)),
+        "light[1]: edge_u_mm, edge_v_mm: the edges are not perpendicular",
+    );
+    for [more, expected] in table_rows(MISTAKES) {
+        let more = more.replace("; ", "\n") + "\n";
+        let message = mistake(&folder, &scene_with(&folder, &more));
         assert!(message.contains(expected), "{more}\n{message}");
     }
 }
@@ -76,10 +58,9 @@ fn fibres_are_written_as_usd() {
     succeed(&folder, &usd("b.usda", &["--threads", "3"]));
     let [a, b] = ["a.usda", "b.usda"].map(|name| std::fs::read(folder.join(name)).unwrap());
     assert!(a == b && a.len() > 100_000, "{} and {}", a.len(), b.len());
-    let said = complaint(&folder, &usd("c.usdc", &[]));
-    assert!(said.contains("ends in .usda"), "{said}");
+    assert_contains(&complaint(&folder, &usd("c.usdc", &[])), "ends in .usda");
     let said = complaint(&folder, &usd("c.usda", &["--max-memory", "10k"]));
-    assert!(said.contains("with its curves"), "{said}");
+    assert_contains(&said, "with its curves");
     assert!(!folder.join("c.usda").exists());
 }
 
@@ -119,14 +100,12 @@ fn scenes_are_written_for_mitsuba() {
     }
 
     scene_with(&folder, "repeat_xy = true\n");
-    let said = complaint(&folder, &export);
-    assert!(said.contains("--repeats NX,NY"), "{said}");
+    assert_contains(&complaint(&folder, &export), "--repeats NX,NY");
     let three: Vec<&str> = export.iter().copied().chain(["--repeats", "3,1"]).collect();
     succeed(&folder, &three);
     let sigma_t = std::fs::read(folder.join("out/object0.sigma_t.vol")).unwrap();
     assert_eq!(sigma_t.len(), 48 + 4 * 3);
     let two_skies = "[[light]]\nkind = \"environment\"\nradiance = [1.0, 1.0, 1.0]\n";
     scene_with(&folder, two_skies);
-    let said = complaint(&folder, &export);
-    assert!(said.contains("one environment at most"), "{said}");
+    assert_contains(&complaint(&folder, &export), "one environment at most");
 }

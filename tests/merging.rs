@@ -2,12 +2,13 @@
 
 use crate::cli::write_grid_scene;
 use crate::program::{bytes, complaint, exr_channels, folder, picture, sources, succeed};
+use organza_testing::assert_contains;
 
 #[test]
 fn parts_merge_to_the_unbroken_picture() {
     let folder = folder("merge");
     write_grid_scene(&folder);
-    let whole = picture(&folder, &["--spp", "48"]);
+    let whole = picture(&folder, "--spp 48");
     let splits: [&[u64]; 4] = [
         &[0, 24, 48],
         &[0, 1, 47, 48],
@@ -20,15 +21,12 @@ fn parts_merge_to_the_unbroken_picture() {
             let range = format!("{}..{}", ends[0], ends[1]);
             let name = format!("part{i}.exr");
             let threads = if i % 2 == 0 { "1" } else { "2" };
-            let arguments = ["render", "scene.toml", "--samples", &range, "-o", &name];
-            succeed(&folder, &[&arguments[..], &["--threads", threads]].concat());
+            let arguments = format!("render scene.toml --samples {range} -o {name}");
+            succeed(&folder, &format!("{arguments} --threads {threads}"));
             names.push(name);
         }
         for _ in 0..2 {
-            let mut arguments: Vec<&str> = vec!["merge"];
-            arguments.extend(names.iter().map(String::as_str));
-            arguments.extend(["-o", "all.exr"]);
-            succeed(&folder, &arguments);
+            succeed(&folder, &format!("merge {} -o all.exr", names.join(" ")));
             assert!(bytes(&folder, "all.exr") == whole, "{split:?}: {names:?}");
             names.reverse();
         }
@@ -37,11 +35,11 @@ fn parts_merge_to_the_unbroken_picture() {
     for (name, range) in [("a.exr", "0..8"), ("b.exr", "8..40"), ("c.exr", "40..48")] {
         succeed(
             &folder,
-            &["render", "scene.toml", "--samples", range, "-o", name],
+            &format!("render scene.toml --samples {range} -o {name}"),
         );
     }
-    succeed(&folder, &["merge", "c.exr", "a.exr", "-o", "gap.exr"]);
-    succeed(&folder, &["merge", "gap.exr", "b.exr", "-o", "all.exr"]);
+    succeed(&folder, "merge c.exr a.exr -o gap.exr");
+    succeed(&folder, "merge gap.exr b.exr -o all.exr");
     assert!(bytes(&folder, "all.exr") == whole);
     // The known-bad twin: a part is not the whole.
     assert!(bytes(&folder, "b.exr") != whole);
@@ -51,13 +49,13 @@ fn parts_merge_to_the_unbroken_picture() {
 fn cropped_parts_merge_too() {
     let folder = folder("merge-crop");
     write_grid_scene(&folder);
-    let crop = ["--crop", "4,2,12,7"];
-    let whole = picture(&folder, &[&crop[..], &["--spp", "9"]].concat());
+    let crop = "--crop 4,2,12,7";
+    let whole = picture(&folder, &format!("{crop} --spp 9"));
     for (name, range) in [("a.exr", "0..4"), ("b.exr", "4..9")] {
-        let arguments = ["render", "scene.toml", "--samples", range, "-o", name];
-        succeed(&folder, &[&arguments[..], &crop[..]].concat());
+        let arguments = format!("render scene.toml --samples {range} -o {name}");
+        succeed(&folder, &format!("{arguments} {crop}"));
     }
-    succeed(&folder, &["merge", "b.exr", "a.exr", "-o", "all.exr"]);
+    succeed(&folder, "merge b.exr a.exr -o all.exr");
     assert!(bytes(&folder, "all.exr") == whole);
 }
 
@@ -65,39 +63,36 @@ fn cropped_parts_merge_too() {
 fn what_does_not_belong_together_is_not_merged() {
     let folder = folder("merge-refused");
     write_grid_scene(&folder);
-    let make = |name: &str, more: &[&str]| {
-        let arguments = ["render", "scene.toml", "-o", name];
-        succeed(&folder, &[&arguments[..], more].concat());
+    let make = |name: &str, more: &str| {
+        let arguments = format!("render scene.toml -o {name}");
+        succeed(&folder, &format!("{arguments} {more}"));
     };
-    make("a.exr", &["--samples", "0..4"]);
-    let refuse = |name: &str| complaint(&folder, &["merge", "a.exr", name, "-o", "all.exr"]);
-    make("b.exr", &["--samples", "3..6"]);
+    make("a.exr", "--samples 0..4");
+    let refuse = |name: &str| complaint(&folder, &format!("merge a.exr {name} -o all.exr"));
+    make("b.exr", "--samples 3..6");
     assert_eq!(
         refuse("b.exr"),
         "organza: b.exr: cannot join a.exr: samples 3..4 twice"
     );
-    make("b.exr", &["--samples", "4..6", "--seed", "7"]);
+    make("b.exr", "--samples 4..6 --seed 7");
     assert_eq!(
         refuse("b.exr"),
         "organza: b.exr: cannot join a.exr: seed is 7, but 0 in a.exr"
     );
-    make("b.exr", &["--samples", "4..6", "--crop", "0,0,8,8"]);
+    make("b.exr", "--samples 4..6 --crop 0,0,8,8");
     assert_eq!(
         refuse("b.exr"),
         "organza: b.exr: cannot join a.exr: crop is 0,0,8,8, but 0,0,16,8 in a.exr"
     );
     let cannot = "organza: b.exr: cannot join a.exr: ";
-    make(
-        "b.exr",
-        &["--samples", "4..6", "--set", "camera.width_mm=1.5"],
-    );
+    make("b.exr", "--samples 4..6 --set camera.width_mm=1.5");
     assert_eq!(refuse("b.exr"), format!("{cannot}the scenes differ"));
     // The same scene file with other bytes behind a name in it.
     let grid = bytes(&folder, "sigma_t.vol");
     let mut denser = grid.clone();
     denser[48..52].copy_from_slice(&6.0f32.to_le_bytes());
     std::fs::write(folder.join("sigma_t.vol"), denser).unwrap();
-    make("b.exr", &["--samples", "4..6"]);
+    make("b.exr", "--samples 4..6");
     let changed = format!("{cannot}the contents of sigma_t.vol differ");
     assert_eq!(refuse("b.exr"), changed);
     std::fs::write(folder.join("sigma_t.vol"), grid).unwrap();
@@ -108,16 +103,13 @@ fn what_does_not_belong_together_is_not_merged() {
     let foreign = [&part[..at], other.as_bytes(), &part[at + 32..]].concat();
     std::fs::write(folder.join("b.exr"), foreign).unwrap();
     let refused = refuse("b.exr");
-    assert!(
-        refused.contains(&format!("{cannot}code is 0.1.0 (sources {other})")),
-        "{refused}"
+    assert_contains(
+        &refused,
+        &format!("{cannot}code is 0.1.0 (sources {other})"),
     );
     // What only says how much to take and how to show it may differ.
-    make(
-        "b.exr",
-        &["--samples", "4..6", "--set", "render.exposure=1"],
-    );
-    succeed(&folder, &["merge", "a.exr", "b.exr", "-o", "all.exr"]);
+    make("b.exr", "--samples 4..6 --set render.exposure=1");
+    succeed(&folder, "merge a.exr b.exr -o all.exr");
     // Files that are no pictures of ours.
     std::fs::write(folder.join("b.exr"), b"not a picture").unwrap();
     assert!(refuse("b.exr").starts_with("organza: b.exr: cannot be read as EXR"));
@@ -137,7 +129,7 @@ fn what_does_not_belong_together_is_not_merged() {
     );
     assert_eq!(refuse("none.exr"), "organza: none.exr: no such file");
     assert_eq!(
-        complaint(&folder, &["merge", "a.exr", "-o", "all.png"]),
+        complaint(&folder, "merge a.exr -o all.png"),
         "organza: all.png: expected a name that ends in .exr"
     );
 }
@@ -146,7 +138,7 @@ fn what_does_not_belong_together_is_not_merged() {
 fn the_channels_hold_what_the_sums_say() {
     let folder = folder("sums");
     write_grid_scene(&folder);
-    picture(&folder, &["--spp", "8"]);
+    picture(&folder, "--spp 8");
     let channels = exr_channels(&folder.join("out.exr"));
     // The corner sees past the grid: escaped rays are exactly one.
     let (red, through) = (&channels["R"], &channels["through"]);
@@ -163,28 +155,28 @@ fn parts_of_another_engine_are_refused_for_that_reason() {
     let folder = folder("other-engine");
     write_grid_scene(&folder);
     for (name, samples, backend) in [("a.exr", "0..2", "walk"), ("b.exr", "2..4", "scalar")] {
-        let run = ["render", "scene.toml", "-o", name, "--samples", samples];
+        let run = format!("render scene.toml -o {name} --samples {samples}");
         let state = format!("{backend}.state");
-        let more = ["--backend", backend, "--checkpoint", &state];
-        succeed(&folder, &[&run[..], &more[..]].concat());
+        let more = format!("--backend {backend} --checkpoint {state}");
+        succeed(&folder, &format!("{run} {more}"));
     }
-    let merged = complaint(&folder, &["merge", "a.exr", "b.exr", "-o", "all.exr"]);
+    let merged = complaint(&folder, "merge a.exr b.exr -o all.exr");
     assert_eq!(
         merged,
         "organza: b.exr: cannot join a.exr: backend is scalar, but walk in a.exr; render both \
          with one --engine"
     );
-    let run = ["render", "scene.toml", "-o", "c.exr", "--resume"];
-    let resume = |more: &[&str]| complaint(&folder, &[&run[..], more].concat());
-    let walked = ["--samples", "0..2", "--checkpoint", "walk.state"];
+    let run = "render scene.toml -o c.exr --resume";
+    let resume = |more: &str| complaint(&folder, &format!("{run} {more}"));
+    let walked = "--samples 0..2 --checkpoint walk.state";
     assert_eq!(
-        resume(&[&walked[..], &["--backend", "scalar"]].concat()),
+        resume(&format!("{walked} --backend scalar")),
         "organza: walk.state: is a checkpoint of the general walk; this render is of the kernel; \
          continue with --engine walk"
     );
-    let by_kernel = ["--samples", "2..4", "--checkpoint", "scalar.state"];
+    let by_kernel = "--samples 2..4 --checkpoint scalar.state";
     assert_eq!(
-        resume(&[&by_kernel[..], &["--set", "render.clamp=100.0"]].concat()),
+        resume(&format!("{by_kernel} --set render.clamp=100.0")),
         "organza: scalar.state: is a checkpoint of the kernel; this render is of the general \
          walk, for clamping needs the general walk"
     );
@@ -197,10 +189,9 @@ fn a_scene_of_any_name_can_be_merged() {
     write_grid_scene(&folder);
     std::fs::rename(folder.join("scene.toml"), folder.join("шёлк.toml")).unwrap();
     for (name, samples) in [("a.exr", "0..1"), ("b.exr", "1..2")] {
-        let run = ["render", "шёлк.toml", "-o", name, "--samples", samples];
+        let run = format!("render шёлк.toml -o {name} --samples {samples}");
         succeed(&folder, &run);
     }
-    succeed(&folder, &["merge", "a.exr", "b.exr", "-o", "all.exr"]);
-    let info = succeed(&folder, &["info", "all.exr"]);
-    assert!(info.contains("шёлк.toml"), "{info}");
+    succeed(&folder, "merge a.exr b.exr -o all.exr");
+    assert_contains(&succeed(&folder, "info all.exr"), "шёлк.toml");
 }

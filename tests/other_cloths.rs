@@ -1,7 +1,8 @@
 //! Cloth that is not plainly woven, through voxels, measurements and curves: pile with print and
 //! finish, nonwovens, nets.
 
-use crate::program::{complaint, exr_channels, folder, succeed};
+use crate::program::{argv, complaint, exr_channels, folder, succeed};
+use organza_testing::assert_contains;
 use std::path::{Path, PathBuf};
 
 fn fabric(name: &str) -> String {
@@ -34,24 +35,10 @@ fn printed_and_finished_pile_is_voxelized() {
         let path = fabric(&format!("pile/{name}"));
         let volume = format!("{name}.ovox");
         let brushed = "yarn.ground.finish=\"brushed\"";
-        let set = [
-            "--set",
-            "tile.repeats=[2, 1]",
-            "--set",
-            &print,
-            "--set",
-            brushed,
-        ];
-        let voxelize = [
-            "voxelize",
-            &path,
-            "-o",
-            &volume,
-            "--voxel-um",
-            "40",
-            "--quiet",
-        ];
-        succeed(&folder, &[&voxelize[..], &set].concat());
+        let set = format!("--set {brushed} --set tile.repeats=[2,1] --set");
+        let rest = format!("-o {volume} --voxel-um 40 --quiet {set}");
+        let voxelize = [&["voxelize", &path][..], &argv(&rest), &[&print]].concat();
+        succeed(&folder, &voxelize);
         let listed = succeed(&folder, &["info", &volume, "--json"]);
         let listed: serde_json::Value = serde_json::from_str(&listed).unwrap();
         let height = |end: &str| listed["box"][end][2].as_f64().unwrap();
@@ -76,33 +63,23 @@ fn nonwovens_and_nets_become_curves_and_are_refused_as_surfaces() {
         succeed(&folder, &[&obj[..], &["-o", "curves.obj"]].concat());
         let text = std::fs::read_to_string(folder.join("curves.obj")).unwrap();
         assert!(text.lines().filter(|l| l.starts_with("l ")).count() > 50);
-        let measure = [
-            "measure",
-            &path,
-            "--set",
-            small(name),
-            "--albedo",
-            "--pairs",
-        ];
-        let surface = ["one.csv", "--model", "surface", "-o", "out.csv"];
+        let measure = ["measure", &path, "--set", small(name)];
+        let surface = argv("--albedo --pairs one.csv --model surface -o out.csv");
         let words = complaint(&folder, &[&measure[..], &surface].concat());
-        assert!(words.contains("has no [surface] section"), "{words}");
+        assert_contains(&words, "has no [surface] section");
         assert!(!folder.join("out.csv").exists());
     }
     let woven = "[draft]\nweave = \"plain\"\n[nonwoven]\nfibre = \"wool\"\n\
                  areal_density_g_per_m2 = 50.0\nthickness_mm = 0.5\nlength_mm = 20.0\n\
                  tile_mm = [2.0, 2.0]\n";
     std::fs::write(folder.join("both.toml"), woven).unwrap();
-    let words = complaint(&folder, &["info", "both.toml"]);
-    assert!(
-        words.contains("both.toml: draft: a nonwoven has no threads"),
-        "{words}"
-    );
+    let words = complaint(&folder, "info both.toml");
+    assert_contains(&words, "both.toml: draft: a nonwoven has no threads");
     let wrong = woven
         .replace("[draft]\nweave = \"plain\"\n", "")
         .replace("fibre", "fiber");
     std::fs::write(folder.join("wrong.toml"), wrong).unwrap();
-    let words = complaint(&folder, &["info", "wrong.toml"]);
+    let words = complaint(&folder, "info wrong.toml");
     assert!(
         words.contains("fiber") && words.contains("fibre"),
         "{words}"
@@ -112,17 +89,8 @@ fn nonwovens_and_nets_become_curves_and_are_refused_as_surfaces() {
 /// Reflected and transmitted shares of red light with their standard errors, at 10 degrees.
 fn shares(folder: &Path, name: &str, model: &[&str]) -> [(f64, f64); 2] {
     let path = fabric(name);
-    let measure = [
-        "measure",
-        &path,
-        "--set",
-        small(name),
-        "--albedo",
-        "--pairs",
-    ];
-    let rest = [
-        "one.csv", "--spp", "400", "--quiet", "-o", "out.csv", "--model",
-    ];
+    let measure = ["measure", &path, "--set", small(name)];
+    let rest = argv("--albedo --pairs one.csv --spp 400 --quiet -o out.csv --model");
     succeed(folder, &[&measure[..], &rest, model].concat());
     let text = std::fs::read_to_string(folder.join("out.csv")).unwrap();
     let [keys, row] = [0, 1].map(|i| text.lines().nth(i).unwrap().split(',').collect::<Vec<_>>());
@@ -175,10 +143,7 @@ fn groove_over_ridge(folder: &Path, set: &[&str]) -> Vec<f64> {
     }
     std::fs::write(folder.join("corduroy.toml"), text).unwrap();
     std::fs::write(folder.join("scene.toml"), scene).unwrap();
-    succeed(
-        folder,
-        &["render", "scene.toml", "-o", "top.exr", "--quiet"],
-    );
+    succeed(folder, "render scene.toml -o top.exr --quiet");
     let channels = exr_channels(&folder.join("top.exr"));
     let (red, width) = (&channels["R"], 64);
     // Ridges of 16 pixels; the grooves lie where two of them meet.

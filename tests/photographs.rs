@@ -9,7 +9,7 @@ use crate::program::{complaint, folder, succeed};
 use organza_photograph::is_same_weave;
 use organza_scene::fabric_file;
 use organza_scene::loader::Loader;
-use organza_testing::{is_full, sized};
+use organza_testing::{assert_contains, is_full, sized};
 use organza_weave::Draft;
 use serde_json::Value;
 
@@ -34,7 +34,7 @@ struct Planted {
     seed: u64,
     camera: Camera,
     /// Flags of the fit besides the usual ones.
-    flags: &'static [&'static str],
+    flags: &'static str,
 }
 
 const PLAIN: Planted = Planted {
@@ -45,7 +45,7 @@ const PLAIN: Planted = Planted {
     pixels: 11,
     seed: 101,
     camera: DISTANT,
-    flags: &[],
+    flags: "",
 };
 
 /// One seen and lit from nearby through a lens that darkens its corners, one of unknown exposure and
@@ -58,21 +58,12 @@ const MORE: [Planted; 6] = [
             corners: 0.7,
             ..DISTANT
         },
-        flags: &[
-            "--camera-mm",
-            "60",
-            "--light-mm",
-            "60",
-            "--back-light-mm",
-            "60",
-            "--vignetting",
-            "fit",
-        ],
+        flags: "--camera-mm 60 --light-mm 60 --back-light-mm 60 --vignetting fit",
         ..PLAIN
     },
     Planted {
         seed: 107,
-        flags: &["--fit-white", "--fit-light"],
+        flags: "--fit-white --fit-light",
         ..PLAIN
     },
     Planted {
@@ -179,32 +170,12 @@ impl Planted {
             .photograph(&folder, size_mm, [width, height], self.seed);
         let [light, back_light] = self.camera.lights.map(|[t, p]| format!("{t},{p}"));
         let width_mm = size_mm[0].to_string();
-        let mut words = vec![
-            "fit",
-            "cloth",
-            "yarns.toml",
-            "--front",
-            "front.exr",
-            "--back",
-            "back.exr",
-            "--light",
-            &light,
-            "--back-light",
-            &back_light,
-            "--width-mm",
-            &width_mm,
-            "--white",
-            "0.8",
-            "--spp",
-            spp,
-            "--seed",
-            "7",
-            "-o",
-            "fitted.toml",
-            "--json",
-            "--quiet",
-        ];
-        words.extend(self.flags);
+        let words = format!(
+            "fit cloth yarns.toml --front front.exr --back back.exr --light {light} \
+             --back-light {back_light} --width-mm {width_mm} --white 0.8 --spp {spp} --seed 7 \
+             -o fitted.toml --json --quiet {}",
+            self.flags
+        );
         let printed = succeed(&folder, &words);
         let answer = Answer(serde_json::from_str(&printed).unwrap());
         let fitted = fabric_file::load(&folder.join("fitted.toml"), &[], &Loader::new()).unwrap();
@@ -375,62 +346,41 @@ fn knits_and_noise_are_refused() {
     let size_mm = [100.0 / 14.0, 120.0 / 18.0];
     DISTANT.photograph(&folder, size_mm, [240, 224], 5);
     let width = size_mm[0].to_string();
-    let fit = |front: &str, more: &[&str]| {
-        let words = [
-            "fit",
-            "cloth",
-            "--front",
-            front,
-            "--width-mm",
-            &width,
-            "--light",
-            "30,45",
-            "--white",
-            "0.8",
-            "--spp",
-            "4",
-            "-o",
-            "fitted.toml",
-            "--quiet",
-        ];
-        complaint(&folder, &[&words[..], more].concat())
+    let fit = |front: &str, more: &str| {
+        let words = format!(
+            "fit cloth --front {front} --width-mm {width} --light 30,45 --white 0.8 --spp 4 \
+             -o fitted.toml --quiet {more}"
+        );
+        complaint(&folder, &words)
     };
-    let why = fit("front.exr", &[]);
-    assert!(why.contains("front.exr: no weave found"), "{why}");
+    let why = fit("front.exr", "");
+    assert_contains(&why, "front.exr: no weave found");
     let grey: Vec<[f32; 3]> = (0..128 * 128)
         .map(|i| [0.3 + 0.2 * uniform(6, i); 3])
         .collect();
     write(&folder.join("grey.exr"), [128, 128], &grey);
-    let why = fit("grey.exr", &[]);
-    assert!(why.contains("grey.exr: no weave found"), "{why}");
+    let why = fit("grey.exr", "");
+    assert_contains(&why, "grey.exr: no weave found");
     // What does not apply is named.
     for (flag, value) in [
         ("--blur-px", "1"),
         ("--data", "front.exr"),
         ("--back-light", "150,0"),
     ] {
-        let why = fit("grey.exr", &[flag, value]);
-        assert!(why.contains(flag), "{why}");
+        let why = fit("grey.exr", &format!("{flag} {value}"));
+        assert_contains(&why, flag);
     }
-    let why = fit("grey.exr", &["--crop", "0,0,200,100"]);
-    assert!(
-        why.contains("--crop: 0,0,200,100 is no part of grey.exr, which has 128 x 128 pixels"),
-        "{why}"
+    let why = fit("grey.exr", "--crop 0,0,200,100");
+    assert_contains(
+        &why,
+        "--crop: 0,0,200,100 is no part of grey.exr, which has 128 x 128 pixels",
     );
-    let why = complaint(
-        &folder,
-        &["fit", "fibres", "--data", "a.csv", "-o", "f.toml"],
-    );
-    assert!(why.contains("<FABRIC>"), "{why}");
-    let why = complaint(
-        &folder,
-        &[
-            "fit", "surface", "a.toml", "--front", "grey.exr", "-o", "f.toml",
-        ],
-    );
-    assert!(
-        why.contains("--front: does not apply to the fit of a surface, but of: plies, cloth"),
-        "{why}"
+    let said = complaint(&folder, "fit fibres --data a.csv -o f.toml");
+    assert_contains(&said, "<FABRIC>");
+    let why = complaint(&folder, "fit surface a.toml --front grey.exr -o f.toml");
+    assert_contains(
+        &why,
+        "--front: does not apply to the fit of a surface, but of: plies, cloth",
     );
     assert!(!folder.join("fitted.toml").exists());
 }

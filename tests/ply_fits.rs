@@ -1,14 +1,14 @@
 //! Corrections of plies found from measured values, pictures and fibres: what was planted comes
 //! back.
 
-use crate::program::{argv, complaint, files_left, folder, succeed};
+use crate::program::{complaint, files_left, folder, succeed};
 use glam::UVec2;
 use organza_measure::{Angles, Pair, measure_texture};
 use organza_scene::fabric_file;
 use organza_scene::loader::Loader;
 use organza_scene::patches::{Matter, PatchOptions, texel_grid};
 use organza_scene::representation::{PLIES, ShownAs};
-use organza_testing::is_full;
+use organza_testing::{assert_contains, is_full, table_rows};
 use serde_json::Value;
 use std::path::Path;
 
@@ -38,9 +38,9 @@ fn workplace(test: &str) -> std::path::PathBuf {
 }
 
 /// The answer of a fit of `cloth.toml`.
-fn fit(folder: &Path, more: &[&str]) -> Value {
-    let head = ["fit", "plies", "cloth.toml", "-o", "fitted.toml"];
-    let words = [&head[..], &["--json", "--quiet"], more].concat();
+fn fit(folder: &Path, more: &str) -> Value {
+    let head = "fit plies cloth.toml -o fitted.toml";
+    let words = format!("{head} --json --quiet {more}");
     serde_json::from_str(&succeed(folder, &words)).unwrap()
 }
 
@@ -62,23 +62,10 @@ fn error(answer: &Value, part: &str, group: &str) -> [f64; 2] {
 
 /// What the planted plies reflect and transmit, in a WINDOW file.
 fn measure(folder: &Path, spp: &str) {
-    let words = [
-        "measure",
-        "planted.toml",
-        "--model",
-        "plies",
-        "--layout",
-        "klems",
-        "--klems-basis",
-        "full",
-        "--spp",
-        spp,
-        "--seed",
-        "9",
-        "-o",
-        "values.xml",
-        "--quiet",
-    ];
+    let words = format!(
+        "measure planted.toml --model plies --layout klems --klems-basis full --spp {spp} \
+         --seed 9 -o values.xml --quiet"
+    );
     succeed(folder, &words);
 }
 
@@ -108,8 +95,8 @@ fn corrections_planted_in_measured_values_are_found() {
         false => ("2048", "256", "0,16"),
     };
     measure(&folder, spp);
-    let flags = ["--data", "values.xml", "--spp", own, "--seed", "3"];
-    let answer = fit(&folder, &[&flags[..], &["--patience", steps]].concat());
+    let flags = format!("--data values.xml --spp {own} --seed 3");
+    let answer = fit(&folder, &format!("{flags} --patience {steps}"));
     let missed_here = missed(&answer);
     assert!(missed_here.is_empty(), "seeds 9, 3: {missed_here:?}");
     for group in ["reflected light", "transmitted light"] {
@@ -122,7 +109,7 @@ fn corrections_planted_in_measured_values_are_found() {
     let turned = turned.replace("@@", "Reflection Front");
     assert_ne!(text, turned);
     std::fs::write(folder.join("values.xml"), turned).unwrap();
-    let twin = fit(&folder, &[&flags[..], &["--patience", "0,5"]].concat());
+    let twin = fit(&folder, &format!("{flags} --patience 0,5"));
     assert!(!missed(&twin).is_empty(), "seeds 9, 3: the twin passed");
 }
 
@@ -147,10 +134,7 @@ fn pictures(folder: &Path) {
                 theta_deg,
                 phi_deg: 45.0,
             },
-            exitant: Angles {
-                theta_deg: 0.0,
-                phi_deg: 0.0,
-            },
+            exitant: Angles::NORMAL,
         };
         let texture =
             measure_texture(&patch, pair, &grid, 128, 12, &organza_basis::unwatched).unwrap();
@@ -162,34 +146,19 @@ fn pictures(folder: &Path) {
     }
 }
 
-const TAKEN: [&str; 8] = [
-    "--front",
-    "front.exr",
-    "--light",
-    "30,45",
-    "--back-light",
-    "150,45",
-    "--spp",
-    "48",
-];
+const TAKEN: &str = "--front front.exr --light 30,45 --back-light 150,45 --spp 48";
 
 #[test]
 fn plies_match_a_front_lit_and_a_back_lit_picture_at_once() {
     let folder = workplace("ply-fit-pictures");
     pictures(&folder);
-    let answer = fit(
-        &folder,
-        &[&TAKEN[..], &["--back", "back.exr", "--patience", "0,24"]].concat(),
-    );
+    let answer = fit(&folder, &format!("{TAKEN} --back back.exr --patience 0,24"));
     for group in ["front-lit mean", "back-lit mean"] {
         let [before, after] = error(&answer, "held_out", group);
         assert!(after < 0.1 && before > 0.15, "seed 12: {group}: {answer:#}");
     }
     // Known bad: as much light from behind as from the front is that of no such cloth.
-    let twin = fit(
-        &folder,
-        &[&TAKEN[..], &["--back", "front.exr", "--patience", "0,5"]].concat(),
-    );
+    let twin = fit(&folder, &format!("{TAKEN} --back front.exr --patience 0,5"));
     let [_, front] = error(&twin, "held_out", "front-lit mean");
     let [_, back] = error(&twin, "held_out", "back-lit mean");
     assert!(front.max(back) > 0.1, "seed 12: the twin passed: {twin:#}");
@@ -198,10 +167,10 @@ fn plies_match_a_front_lit_and_a_back_lit_picture_at_once() {
 #[test]
 fn fits_of_plies_to_fibres_resume_and_end_alike() {
     let folder = workplace("ply-fit-fibres");
-    let flags = argv("--spp 16 --patience 0,12 --journal fit.journal");
-    let first = fit(&folder, &flags);
+    let flags = "--spp 16 --patience 0,12 --journal fit.journal";
+    let first = fit(&folder, flags);
     let length = std::fs::metadata(folder.join("fit.journal")).unwrap().len();
-    let again = fit(&folder, &flags);
+    let again = fit(&folder, flags);
     assert_eq!(first, again);
     // Nothing was measured again.
     assert_eq!(
@@ -209,9 +178,21 @@ fn fits_of_plies_to_fibres_resume_and_end_alike() {
         std::fs::metadata(folder.join("fit.journal")).unwrap().len()
     );
     let text = std::fs::read_to_string(folder.join("fitted.toml")).unwrap();
-    assert!(text.contains("[plies.\"*\"]"), "{text}");
-    succeed(&folder, &["info", "fitted.toml"]);
+    assert_contains(&text, "[plies.\"*\"]");
+    succeed(&folder, "info fitted.toml");
 }
+
+/// Words after `fit plies`, and a part of the message.
+const REFUSED: &str = "
+cloth.toml --front a.png | --back: expected a picture, too
+cloth.toml --light 30,0 | --light: applies only to pictures
+cloth.toml --data few.csv | few.csv: has 1 values; expected at least 8
+cloth.toml --model plies | --model: plies cannot be fitted to themselves
+cloth.toml --data few.csv --model fibres | --model: names what plies are fitted to
+cloth.toml --front a.png --back a.png --light 120,0 | --light 120,0: expected a lamp on the same side
+cloth.toml --set plies.y.extinction=2.0 | plies.y.extinction
+cloth.toml --set plies.y.spread_deg=90.0 | plies.y.spread_deg: expected a number from 0 to 45, found 90
+";
 
 #[test]
 fn fits_of_plies_refuse_what_makes_no_sense() {
@@ -221,43 +202,8 @@ fn fits_of_plies_refuse_what_makes_no_sense() {
         "theta_i,phi_i,theta_o,phi_o,r,g,b\n0,0,30,0,1,1,1\n",
     )
     .unwrap();
-    for (words, expected) in [
-        (
-            "cloth.toml --front a.png",
-            "--back: expected a picture, too",
-        ),
-        (
-            "cloth.toml --light 30,0",
-            "--light: applies only to pictures",
-        ),
-        (
-            "cloth.toml --data few.csv",
-            "few.csv: has 1 values; expected at least 8",
-        ),
-        (
-            "cloth.toml --model plies",
-            "--model: plies cannot be fitted to themselves",
-        ),
-        (
-            "cloth.toml --data few.csv --model fibres",
-            "--model: names what plies are fitted to",
-        ),
-        (
-            "cloth.toml --front a.png --back a.png --light 120,0",
-            "--light 120,0: expected a lamp on the same side",
-        ),
-        (
-            "cloth.toml --set plies.y.extinction=2.0",
-            "plies.y.extinction",
-        ),
-        (
-            "cloth.toml --set plies.y.spread_deg=90.0",
-            "plies.y.spread_deg: expected a number from 0 to 45, found 90",
-        ),
-    ] {
-        let head = ["fit", "plies", "-o", "fitted.toml"];
-        let all: Vec<&str> = head.into_iter().chain(words.split(' ')).collect();
-        let why = complaint(&folder, &all);
+    for [words, expected] in table_rows(REFUSED) {
+        let why = complaint(&folder, &format!("fit plies -o fitted.toml {words}"));
         assert!(why.contains(expected), "{words}: {why}");
     }
     assert!(!files_left(&folder).contains(&"fitted.toml".to_owned()));

@@ -12,21 +12,71 @@ pub fn folder(test: &str) -> PathBuf {
     path
 }
 
+/// Arguments of the program: words, or one line of words without quotes.
+pub trait Arguments {
+    /// The words.
+    fn words(&self) -> Vec<&str>;
+}
+
+impl Arguments for str {
+    fn words(&self) -> Vec<&str> {
+        argv(self)
+    }
+}
+
+impl Arguments for String {
+    fn words(&self) -> Vec<&str> {
+        argv(self)
+    }
+}
+
+impl Arguments for [&str] {
+    fn words(&self) -> Vec<&str> {
+        self.to_vec()
+    }
+}
+
+impl<const N: usize> Arguments for [&str; N] {
+    fn words(&self) -> Vec<&str> {
+        self.to_vec()
+    }
+}
+
+impl Arguments for Vec<&str> {
+    fn words(&self) -> Vec<&str> {
+        self.clone()
+    }
+}
+
+impl<A: Arguments + ?Sized> Arguments for &A {
+    fn words(&self) -> Vec<&str> {
+        (**self).words()
+    }
+}
+
 /// Runs `organza` in a folder.
-pub fn organza(folder: &Path, arguments: &[&str]) -> Output {
+pub fn organza(folder: &Path, arguments: &(impl Arguments + ?Sized)) -> Output {
     Command::new(env!("CARGO_BIN_EXE_organza"))
         .current_dir(folder)
         .env_remove("ORGANZA_CACHE")
-        .args(arguments)
+        .args(arguments.words())
         .output()
         .unwrap()
 }
 
+/// Sends a signal to a running program.
+#[cfg(unix)]
+pub fn signal(child: &std::process::Child, signal: &str) {
+    let id = child.id().to_string();
+    let sent = Command::new("kill").args([signal, &id]).status();
+    assert!(sent.unwrap().success());
+}
+
 /// Runs `organza` and demands success.
-pub fn succeed(folder: &Path, arguments: &[&str]) -> String {
+pub fn succeed(folder: &Path, arguments: &(impl Arguments + ?Sized)) -> String {
     let out = organza(folder, arguments);
     let stderr = String::from_utf8_lossy(&out.stderr).into_owned();
-    assert!(out.status.success(), "{arguments:?}: {stderr}");
+    assert!(out.status.success(), "{:?}: {stderr}", arguments.words());
     String::from_utf8_lossy(&out.stdout).into_owned() + &stderr
 }
 
@@ -35,19 +85,25 @@ pub fn argv(line: &str) -> Vec<&str> {
     line.split_whitespace().collect()
 }
 
+/// Demands an exit status, and returns what was said about it.
+#[track_caller]
+pub fn ended(out: &Output, status: i32) -> String {
+    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(out.status.code(), Some(status), "{said}");
+    said
+}
+
 /// Runs `organza`, demands the exit status of wrong input, and returns the
 /// message, which must be one line.
-pub fn complaint(folder: &Path, arguments: &[&str]) -> String {
-    let out = organza(folder, arguments);
-    let stderr = String::from_utf8_lossy(&out.stderr).trim_end().to_owned();
-    assert_eq!(out.status.code(), Some(2), "{arguments:?}: {stderr}");
-    assert_eq!(stderr.lines().count(), 1, "{stderr}");
-    stderr
+pub fn complaint(folder: &Path, arguments: &(impl Arguments + ?Sized)) -> String {
+    let said = ended(&organza(folder, arguments), 2).trim_end().to_owned();
+    assert_eq!(said.lines().count(), 1, "{said}");
+    said
 }
 
 /// The digest of the sources of the program.
 pub fn sources() -> String {
-    let about = succeed(Path::new("."), &["--version", "--verbose"]);
+    let about = succeed(Path::new("."), "--version --verbose");
     let mut lines = about.lines();
     let digest = lines.find_map(|line| line.strip_prefix("sources: "));
     digest.unwrap().to_owned()
@@ -81,9 +137,9 @@ pub fn bytes(folder: &Path, name: &str) -> Vec<u8> {
 }
 
 /// Renders `scene.toml` with further flags and returns the bytes of the picture.
-pub fn picture(folder: &Path, more: &[&str]) -> Vec<u8> {
-    let mut arguments = vec!["render", "scene.toml", "-o", "out.exr"];
-    arguments.extend(more);
+pub fn picture(folder: &Path, more: &(impl Arguments + ?Sized)) -> Vec<u8> {
+    let mut arguments = argv("render scene.toml -o out.exr");
+    arguments.extend(more.words());
     succeed(folder, &arguments);
     bytes(folder, "out.exr")
 }

@@ -1,8 +1,8 @@
 //! What commands refuse before they begin, and leave as it was.
 
 use crate::cli::write_grid_scene;
-use crate::program::{argv, complaint, folder, organza, succeed};
-use organza_testing::file_names;
+use crate::program::{argv, complaint, ended, folder, organza, succeed};
+use organza_testing::{assert_contains, file_names};
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -32,10 +32,9 @@ fn sailcloth(folder: &Path) {
 #[test]
 fn no_file_that_an_input_names_is_written_over() {
     let folder = folder("refusals-named-inputs");
-    let refused = |name: &str, arguments: &[&str]| {
+    let refused = |name: &str, arguments: &str| {
         let before = fs::read(folder.join(name)).unwrap();
-        let message = complaint(&folder, arguments);
-        assert!(message.contains("is also an input"), "{message}");
+        assert_contains(&complaint(&folder, arguments), "is also an input");
         assert_eq!(
             fs::read(folder.join(name)).unwrap(),
             before,
@@ -44,43 +43,34 @@ fn no_file_that_an_input_names_is_written_over() {
     };
     // A scene under its own sky.
     write_grid_scene(&folder);
-    succeed(
-        &folder,
-        &["render", "scene.toml", "-o", "sky.exr", "--spp", "1"],
+    succeed(&folder, "render scene.toml -o sky.exr --spp 1");
+    let sky = "light=[{kind='environment',file='sky.exr'}]";
+    let render = format!("render scene.toml --spp 1 --set {sky} -o");
+    refused("sky.exr", &format!("{render} ./sky.exr"));
+    succeed(&folder, &format!("{render} out.exr"));
+    let grid = "state.exr --checkpoint sigma_t.vol --resume";
+    let message = complaint(&folder, &format!("{render} {grid}"));
+    assert_contains(
+        &message,
+        "sigma_t.vol: is not a journal; expected one of `organza render`",
     );
-    let sky = "light=[{kind='environment', file='sky.exr'}]";
-    let render = ["render", "scene.toml", "--spp", "1", "--set", sky, "-o"];
-    refused("sky.exr", &[&render[..], &["./sky.exr"]].concat());
-    succeed(&folder, &[&render[..], &["out.exr"]].concat());
-    let grid = ["state.exr", "--checkpoint", "sigma_t.vol", "--resume"];
-    let message = complaint(&folder, &[&render[..], &grid[..]].concat());
-    assert!(
-        message.contains("sigma_t.vol: is not a journal; expected one of `organza render`"),
-        "{message}"
-    );
-    let both = ["x.exr", "--checkpoint", "./x.exr"];
-    let message = complaint(&folder, &[&render[..], &both[..]].concat());
-    assert!(
-        message.contains("the checkpoint and the picture at once"),
-        "{message}"
-    );
+    let both = "x.exr --checkpoint ./x.exr";
+    let message = complaint(&folder, &format!("{render} {both}"));
+    assert_contains(&message, "the checkpoint and the picture at once");
     // A fabric of curves, and the pairs of a measurement.
     sailcloth(&folder);
-    let curves = argv("weave sailcloth.toml --level yarn -o curves.txt");
+    let curves = "weave sailcloth.toml --level yarn -o curves.txt";
     succeed(&folder, &curves);
     let imported = "[draft]\ncurves = 'curves.txt'\n[yarn.cotton]\npreset = 'cotton'\ntex = 30.0\n";
     fs::write(folder.join("imported.toml"), imported).unwrap();
-    let again = argv("weave imported.toml --level yarn -o curves.txt");
-    refused("curves.txt", &again);
+    let again = "weave imported.toml --level yarn -o curves.txt";
+    refused("curves.txt", again);
     fs::write(
         folder.join("p.csv"),
         "theta_i,phi_i,theta_o,phi_o\n0,0,0,0\n",
     )
     .unwrap();
-    refused(
-        "p.csv",
-        &argv("measure sailcloth.toml --pairs p.csv -o p.csv"),
-    );
+    refused("p.csv", "measure sailcloth.toml --pairs p.csv -o p.csv");
 }
 
 /// A journal knows the content of every file that its fabric names.
@@ -100,59 +90,43 @@ fn a_fit_does_not_resume_from_another_draft() {
     };
     let text = SAILCLOTH.replace("weave = \"plain\"", "wif = \"draft.wif\"");
     fs::write(folder.join("drafted.toml"), text).unwrap();
-    let fit = argv(
-        "fit surface drafted.toml -o fitted.toml --journal journal --spp 2 --voxel-um 160 --patience \
-         0,1 --quiet",
-    );
+    let fit = "fit surface drafted.toml -o fitted.toml --journal journal --spp 2 --voxel-um 160 \
+        --patience 0,1 --quiet";
     wif("200,30,30");
     succeed(&folder, &fit);
     succeed(&folder, &fit); // the known-bad twin: nothing changed
     wif("30,30,200");
-    let message = complaint(&folder, &fit);
-    assert!(
-        message.contains("journal: belongs to other inputs or settings"),
-        "{message}"
-    );
+    let said = complaint(&folder, &fit);
+    assert_contains(&said, "journal: belongs to other inputs or settings");
 }
 
 #[test]
 fn no_input_is_written_over() {
     let folder = folder("refusals-inputs");
     sailcloth(&folder);
-    let printed = complaint(
-        &folder,
-        &["fit", "surface", "sailcloth.toml", "-o", "sailcloth.toml"],
-    );
-    assert!(printed.contains("is also an input"), "{printed}");
+    let printed = complaint(&folder, "fit surface sailcloth.toml -o sailcloth.toml");
+    assert_contains(&printed, "is also an input");
     let text = fs::read_to_string(folder.join("sailcloth.toml")).unwrap();
     assert_eq!(text, SAILCLOTH);
-    let printed = complaint(
-        &folder,
-        &["fit", "surface", "sailcloth.toml", "-o", "fitted.png"],
-    );
-    assert!(printed.contains("ends in .toml"), "{printed}");
-    let fit = argv("fit surface sailcloth.toml -o fitted.toml --journal none/journal");
-    let printed = complaint(&folder, &fit);
-    assert!(
-        printed.contains("the folder none does not exist"),
-        "{printed}"
-    );
+    let printed = complaint(&folder, "fit surface sailcloth.toml -o fitted.png");
+    assert_contains(&printed, "ends in .toml");
+    let fit = "fit surface sailcloth.toml -o fitted.toml --journal none/journal";
+    assert_contains(&complaint(&folder, &fit), "the folder none does not exist");
 
     write_grid_scene(&folder);
     for (name, samples) in [("a.exr", "0..1"), ("b.exr", "3..4")] {
         succeed(
             &folder,
-            &["render", "scene.toml", "-o", name, "--samples", samples],
+            &format!("render scene.toml -o {name} --samples {samples}"),
         );
     }
     let before = fs::read(folder.join("a.exr")).unwrap();
-    let printed = complaint(&folder, &["merge", "a.exr", "b.exr", "-o", "./a.exr"]);
-    assert!(printed.contains("is also an input"), "{printed}");
+    let said = complaint(&folder, "merge a.exr b.exr -o ./a.exr");
+    assert_contains(&said, "is also an input");
     assert_eq!(fs::read(folder.join("a.exr")).unwrap(), before);
-    let printed = succeed(&folder, &["merge", "a.exr", "b.exr", "-o", "all.exr"]);
-    assert!(printed.contains("samples 1..3 are missing"), "{printed}");
-    let printed = succeed(&folder, &["info", "all.exr"]);
-    assert!(printed.contains("samples: 0..1,3..4"), "{printed}");
+    let said = succeed(&folder, "merge a.exr b.exr -o all.exr");
+    assert_contains(&said, "samples 1..3 are missing");
+    assert_contains(&succeed(&folder, "info all.exr"), "samples: 0..1,3..4");
 }
 
 /// Channels of a cloth in the dark, or lights alone, can be meant.
@@ -161,10 +135,9 @@ fn scenes_without_light_or_matter_are_rendered_and_reported() {
     let folder = folder("refusals-empty");
     write_grid_scene(&folder);
     for (key, words) in [("light=[]", "no [[light]]"), ("object=[]", "no [[object]]")] {
-        let render = ["render", "scene.toml", "-o", "x.exr", "--set", key];
-        let printed = succeed(&folder, &render);
-        assert!(printed.contains(words), "{printed}");
-        let printed = succeed(&folder, &[&render[..], &["--quiet"]].concat());
+        let render = format!("render scene.toml -o x.exr --set {key}");
+        assert_contains(&succeed(&folder, &render), words);
+        let printed = succeed(&folder, &format!("{render} --quiet"));
         assert!(printed.is_empty(), "{printed}");
     }
 }
@@ -173,17 +146,13 @@ fn scenes_without_light_or_matter_are_rendered_and_reported() {
 fn reports_of_two_kinds_do_not_share_a_folder() {
     let folder = folder("refusals-reports");
     sailcloth(&folder);
-    let few = ["--spp", "2", "--texels", "8", "--texel-spp", "2"];
+    let few = "--spp 2 --texels 8 --texel-spp 2";
     // Without a [surface] section: its fibres and its micro-flakes.
-    let compare = [&["compare", "sailcloth.toml", "-o", "report"][..], &few].concat();
-    let printed = succeed(&folder, &compare);
-    assert!(printed.contains("microflake against fibres"), "{printed}");
+    let compare = format!("compare sailcloth.toml -o report {few}");
+    assert_contains(&succeed(&folder, &compare), "microflake against fibres");
     let before = fs::read(folder.join("report/report.html")).unwrap();
-    let printed = complaint(&folder, &["bench", "sailcloth.toml", "-o", "report"]);
-    assert!(
-        printed.contains("holds a comparison (pairs.csv)"),
-        "{printed}"
-    );
+    let printed = complaint(&folder, "bench sailcloth.toml -o report");
+    assert_contains(&printed, "holds a comparison (pairs.csv)");
     assert_eq!(fs::read(folder.join("report/report.html")).unwrap(), before);
     assert_eq!(
         file_names(&folder.join("report")),
@@ -192,8 +161,8 @@ fn reports_of_two_kinds_do_not_share_a_folder() {
 
     fs::create_dir(folder.join("bench")).unwrap();
     fs::write(folder.join("bench/choices.csv"), "").unwrap();
-    let printed = complaint(&folder, &["compare", "sailcloth.toml", "-o", "bench"]);
-    assert!(printed.contains("holds the report of a bench"), "{printed}");
+    let printed = complaint(&folder, "compare sailcloth.toml -o bench");
+    assert_contains(&printed, "holds the report of a bench");
 }
 
 #[test]
@@ -203,14 +172,14 @@ fn nothing_is_left_where_inputs_are_wrong() {
     fs::write(folder.join("file"), "").unwrap();
     let before = file_names(&folder);
     for arguments in [
-        &["bench", "denm", "-o", "report"][..],
-        &["bench", "denim", "none.toml", "-o", "report"],
-        &argv("compare sailcloth.toml -o report --data none.csv"),
-        &argv("compare sailcloth.toml -o report --models surface"),
-        &["compare", "sailcloth.toml", "-o", "file"],
-        &["bench", "denim", "-o", "file"],
-        &["info", "first.wif", "--set", "a.b=3"],
-        &["info", "sailcloth.vol"],
+        "bench denm -o report",
+        "bench denim none.toml -o report",
+        "compare sailcloth.toml -o report --data none.csv",
+        "compare sailcloth.toml -o report --models surface",
+        "compare sailcloth.toml -o file",
+        "bench denim -o file",
+        "info first.wif --set a.b=3",
+        "info sailcloth.vol",
     ] {
         complaint(&folder, arguments);
         assert_eq!(file_names(&folder), before, "{arguments:?}");
@@ -223,16 +192,13 @@ fn layouts_that_fit_into_no_memory_are_refused_with_the_figure() {
     sailcloth(&folder);
     for (layout, words) in [
         (
-            &["--layout", "grid", "--grid", "1000,1000"][..],
+            "--layout grid --grid 1000,1000",
             "2000000000000 values need",
         ),
-        (&["--layout", "sweep", "--step", "1e-9"], "--step:"),
+        ("--layout sweep --step 1e-9", "--step:"),
     ] {
-        let measure = ["measure", "sailcloth.toml", "-o", "table.csv", "--spp", "2"];
-        let printed = complaint(
-            &folder,
-            &[&measure[..], layout, &["--max-memory", "1GiB"]].concat(),
-        );
+        let measure = "measure sailcloth.toml -o table.csv --spp 2";
+        let printed = complaint(&folder, &format!("{measure} {layout} --max-memory 1GiB"));
         assert!(
             printed.contains(words) && printed.contains("1073741824"),
             "{printed}"
@@ -258,12 +224,12 @@ fn fits_begin_at_optics_in_other_words() {
     ] {
         let text = format!("{SAILCLOTH}[optics.cotton]\n{optics}");
         fs::write(folder.join("sailcloth.toml"), text).unwrap();
-        let mut fit = vec!["fit", "fibres", "sailcloth.toml", "--model"];
-        fit.extend([model, "--data", "values.csv", "-o", "fitted.toml"]);
-        fit.extend(["--spp", "4", "--patience", "0,1"]);
-        let printed = succeed(&folder, &fit);
-        assert!(printed.contains(gives_way), "{printed}");
-        succeed(&folder, &["info", "fitted.toml"]);
+        let fit = format!(
+            "fit fibres sailcloth.toml --model {model} --data values.csv -o fitted.toml \
+             --spp 4 --patience 0,1"
+        );
+        assert_contains(&succeed(&folder, &fit), gives_way);
+        succeed(&folder, "info fitted.toml");
         let text = fs::read_to_string(folder.join("fitted.toml")).unwrap();
         let key = gives_way.rsplit('.').next().unwrap();
         assert!(!text.contains(&format!("\n{key} =")), "{text}");
@@ -275,13 +241,10 @@ fn fits_begin_at_optics_in_other_words() {
 fn listings_may_be_cut_short() {
     let folder = folder("refusals-pipes");
     sailcloth(&folder);
-    for arguments in [
-        &["info", "sailcloth.toml"][..],
-        &["info", "sailcloth.toml", "--json"],
-    ] {
+    for arguments in ["info sailcloth.toml", "info sailcloth.toml --json"] {
         let mut child = Command::new(env!("CARGO_BIN_EXE_organza"))
             .current_dir(&folder)
-            .args(arguments)
+            .args(argv(arguments))
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
@@ -302,14 +265,10 @@ fn listings_may_be_cut_short() {
             .stdout(full)
             .output()
             .unwrap();
-        let printed = String::from_utf8_lossy(&out.stderr);
-        assert_eq!(out.status.code(), Some(1), "{printed}");
-        assert!(
-            printed.contains("cannot write to the standard output"),
-            "{printed}"
-        );
+        let printed = ended(&out, 1);
+        assert_contains(&printed, "cannot write to the standard output");
     }
-    assert!(organza(&folder, &["--version"]).status.success());
+    assert!(organza(&folder, "--version").status.success());
 }
 
 /// What a bench reads may not lie where it writes.
@@ -320,11 +279,11 @@ fn a_bench_does_not_fill_the_folder_of_its_inputs() {
     let fabric = crate::fabrics::cotton("plain", "tex = 30.0", 40.0);
     let own = folder.join("report/scenes/plain.toml");
     fs::write(&own, &fabric).unwrap();
-    let named = argv("bench report/scenes/plain.toml -o report --quick");
+    let named = "bench report/scenes/plain.toml -o report --quick";
     let said = complaint(&folder, &named);
-    assert!(
-        said.contains("report/scenes/plain.toml: is an input and lies in report"),
-        "{said}"
+    assert_contains(
+        &said,
+        "report/scenes/plain.toml: is an input and lies in report",
     );
     assert_eq!(fs::read_to_string(&own).unwrap(), fabric);
 }
@@ -340,18 +299,11 @@ fn a_choice_of_engine_by_memory_is_reported() {
     crate::program::write_vol(&folder.join("sigma_t.vol"), dims, 1, bounds, &cells);
     let warning = "the general walk renders this scene, for the tables of the kernel need up to";
     let render = |allowed: &str| {
-        let arguments = [
-            "render",
-            "scene.toml",
-            "-o",
-            "x.exr",
-            "--max-memory",
-            allowed,
-        ];
-        succeed(&folder, &[&arguments[..], &["--spp", "1"]].concat())
+        let arguments = format!("render scene.toml -o x.exr --max-memory {allowed}");
+        succeed(&folder, &format!("{arguments} --spp 1"))
     };
     let said = render("1MiB");
-    assert!(said.contains(warning), "{said}");
+    assert_contains(&said, warning);
     let said = render("1GiB");
     assert!(!said.contains(warning), "{said}");
 }
@@ -368,7 +320,7 @@ fn a_name_that_the_system_cannot_take_is_refused() {
         &["voxelize", "sailcloth.toml", "-o", &long(".ovox")],
     ] {
         let message = complaint(&folder, arguments);
-        assert!(message.contains("too long"), "{message}");
+        assert_contains(&message, "too long");
         assert!(!message.contains("cannot write"), "{message}");
     }
 }
@@ -394,16 +346,7 @@ fn sizes_of_pictures_are_compared_before_they_are_decoded() {
         let image = Image::from_layers(window, vec![layer]);
         image.write().to_file(folder.join(name)).unwrap();
     }
-    let words = complaint(
-        &folder,
-        &[
-            "difference",
-            "small.exr",
-            "large.exr",
-            "--max-memory",
-            "1MiB",
-        ],
-    );
+    let words = complaint(&folder, "difference small.exr large.exr --max-memory 1MiB");
     let expected = "large.exr: has 15000 x 8000 pixels; small.exr has 2 x 2";
-    assert!(words.contains(expected), "{words}");
+    assert_contains(&words, expected);
 }

@@ -1,12 +1,13 @@
 //! Requests of another program: as a value, as a table, as a command; files in memory in, arrays out,
 //! the same numbers.
 
-use crate::program::{complaint, exr_channels, folder, succeed};
+use crate::program::{complaint, ended, exr_channels, folder, succeed};
 use organza::{
     Bake, Context, Error, ErrorKind, Fit, Listener, Measure, Numbers, Output, Render, Request,
     Results, StopFlag, Voxelize, run_table,
 };
 use organza_scene::GivenFiles;
+use organza_testing::{assert_contains, table_rows};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -83,16 +84,8 @@ fn column(numbers: &[f32], c: usize, n: usize) -> Vec<u32> {
 #[test]
 fn a_rendered_array_is_the_picture_of_the_command_bit_for_bit() {
     let (folder, context) = inputs("requests_render");
-    let flags = [
-        "--spp=5",
-        "--seed=3",
-        "--engine=cpu",
-        "--set=render.direct=true",
-    ];
-    succeed(
-        &folder,
-        &[&["render", "scene.toml", "-o", "out.exr"], &flags[..]].concat(),
-    );
+    let flags = "--spp=5 --seed=3 --engine=cpu --set=render.direct=true";
+    succeed(&folder, &format!("render scene.toml -o out.exr {flags}"));
     let file = exr_channels(&folder.join("out.exr"));
     let table = |seed: i64| {
         toml! {
@@ -146,11 +139,8 @@ fn a_rendered_array_is_the_picture_of_the_command_bit_for_bit() {
 #[test]
 fn measured_arrays_are_the_table_of_the_command() {
     let (folder, context) = inputs("requests_measure");
-    let flags = ["--layout=grid", "--grid=2,3", "--spp=64", "--seed=5"];
-    succeed(
-        &folder,
-        &[&["measure", "plain.toml", "-o", "out.csv"], &flags[..]].concat(),
-    );
+    let flags = "--layout=grid --grid=2,3 --spp=64 --seed=5";
+    succeed(&folder, &format!("measure plain.toml -o out.csv {flags}"));
     let table = toml! {
         file = "plain.toml"
         layout = "grid"
@@ -184,16 +174,8 @@ fn measured_arrays_are_the_table_of_the_command() {
 fn files_in_memory_are_the_files_of_the_commands() {
     let (folder, context) = inputs("requests_files");
     let measure = "--layout=klems --klems-basis=quarter --spp=16";
-    let words = |text: &'static str| text.split(' ').collect::<Vec<_>>();
-    succeed(&folder, &["voxelize", "plain.toml", "-o", "volume.ovox"]);
-    succeed(
-        &folder,
-        &[
-            &["measure", "plain.toml", "-o", "out.xml"][..],
-            &words(measure),
-        ]
-        .concat(),
-    );
+    succeed(&folder, "voxelize plain.toml -o volume.ovox");
+    succeed(&folder, &format!("measure plain.toml -o out.xml {measure}"));
     let found = results(&context, "voxelize", toml! { fabric = "plain.toml" });
     let [(name, bytes)] = &found.files[..] else {
         panic!("{} files", found.files.len())
@@ -270,6 +252,45 @@ fn requests_stop_when_they_are_asked() {
     }
 }
 
+/// The table that stands between the braces of an inline one.
+fn inline(keys: &str) -> toml::Table {
+    let mut document: toml::Table = format!("it = {{{keys}}}").parse().unwrap();
+    let Some(toml::Value::Table(table)) = document.remove("it") else {
+        panic!("{keys}")
+    };
+    table
+}
+
+/// A request, its keys, the key that its error names, and a part of the message.
+const WRONG: &str = r#"
+render | scene = "<scene>", spp = 0 | spp | expected a whole number from 1
+render | scene = "<scene>", sp = 1 | sp | did you mean `spp`?
+render | scene = "<scene>", engine = "cpi" | engine | did you mean "cpu"?
+render | scene = "<scene>", crop = [0, 0, 99, 1] | crop | 12 pixels wide
+measure | file = "plain.toml", spp = 1 | spp | expected a whole number from 2
+measure | file = "plain.toml", model = "fibre" | model | did you mean "fibres"?
+voxelize | fabric = "plain.toml", levels = 9 | levels | expected a whole number from 1 to 8
+"#;
+
+/// A request, its keys, and the key that its error names.
+const CONTRADICTIONS: &str = r#"
+render | scene = "<scene>", spp = 1, samples = [0, 2] | samples
+render | scene = "<scene>", resume = true | resume
+render | spp = 1 | scene
+measure | file = "plain.toml", pairs = "a.csv", layout = "klems" | pairs
+measure | file = "plain.toml", layout = "grid", bands = "nir,solar" | bands
+voxelize | fabric = "plain.toml", voxel_um = -1.0 | voxel_um
+scan | files = ["a.tif"], albedo = [1, 1, 1], colour = [1, 1, 1] | albedo
+scan | files = ["a.tif"], flatten = 9 | flatten
+scan | files = ["a.vti"], array = "grey", raw_size = [1, 1, 1], raw_type = "u8" | array
+scan | files = ["a.tif", "b.tif"], array = "grey" | array
+scan | files = ["a", "b"], raw_size = [1, 1, 1], raw_type = "u8" | raw_size
+fit | fabric = "plain.toml", front = "a.png" | front
+render | scene = "<scene>", denoise = true | denoise
+measure | file = "plain.toml", layout = "klems", target_error = 0.1 | target_error
+measure | file = "plain.toml", layout = "ptm", target_error = 0.1 | target_error
+"#;
+
 #[test]
 fn errors_know_file_place_and_key() {
     let fail = |scene: &str, name: &str, table| {
@@ -284,51 +305,8 @@ fn errors_know_file_place_and_key() {
     let key = wrong.key.as_deref();
     assert_eq!((wrong.line, key), (None, Some("render.sp")));
     assert!(wrong.message.ends_with("did you mean `spp`?"), "{wrong}");
-    for (name, table, key, words) in [
-        (
-            "render",
-            toml! { scene = "<scene>" spp = 0 },
-            "spp",
-            "expected a whole number from 1",
-        ),
-        (
-            "render",
-            toml! { scene = "<scene>" sp = 1 },
-            "sp",
-            "did you mean `spp`?",
-        ),
-        (
-            "render",
-            toml! { scene = "<scene>" engine = "cpi" },
-            "engine",
-            "did you mean \"cpu\"?",
-        ),
-        (
-            "render",
-            toml! { scene = "<scene>" crop = [0, 0, 99, 1] },
-            "crop",
-            "12 pixels wide",
-        ),
-        (
-            "measure",
-            toml! { file = "plain.toml" spp = 1 },
-            "spp",
-            "expected a whole number from 2",
-        ),
-        (
-            "measure",
-            toml! { file = "plain.toml" model = "fibre" },
-            "model",
-            "did you mean \"fibres\"?",
-        ),
-        (
-            "voxelize",
-            toml! { fabric = "plain.toml" levels = 9 },
-            "levels",
-            "expected a whole number from 1 to 8",
-        ),
-    ] {
-        let error = fail(SCENE, name, table);
+    for [name, table, key, words] in table_rows(WRONG) {
+        let error = fail(SCENE, name, inline(table));
         assert_eq!(error.kind, ErrorKind::Input, "{error}");
         assert_eq!(error.key.as_deref(), Some(key), "{error}");
         assert!(error.to_string().contains(words), "{error}");
@@ -351,76 +329,8 @@ fn errors_know_file_place_and_key() {
 #[test]
 fn contradictions_are_refused_and_both_are_named() {
     let (_, context) = inputs("requests_contradictions");
-    for (name, table, key) in [
-        (
-            "render",
-            toml! { scene = "<scene>" spp = 1 samples = [0, 2] },
-            "samples",
-        ),
-        (
-            "render",
-            toml! { scene = "<scene>" resume = true },
-            "resume",
-        ),
-        ("render", toml! { spp = 1 }, "scene"),
-        (
-            "measure",
-            toml! { file = "plain.toml" pairs = "a.csv" layout = "klems" },
-            "pairs",
-        ),
-        (
-            "measure",
-            toml! { file = "plain.toml" layout = "grid" bands = "nir,solar" },
-            "bands",
-        ),
-        (
-            "voxelize",
-            toml! { fabric = "plain.toml" voxel_um = -1.0 },
-            "voxel_um",
-        ),
-        (
-            "scan",
-            toml! { files = ["a.tif"] albedo = [1, 1, 1] colour = [1, 1, 1] },
-            "albedo",
-        ),
-        ("scan", toml! { files = ["a.tif"] flatten = 9 }, "flatten"),
-        (
-            "scan",
-            toml! { files = ["a.vti"] array = "grey" raw_size = [1, 1, 1] raw_type = "u8" },
-            "array",
-        ),
-        (
-            "scan",
-            toml! { files = ["a.tif", "b.tif"] array = "grey" },
-            "array",
-        ),
-        (
-            "scan",
-            toml! { files = ["a", "b"] raw_size = [1, 1, 1] raw_type = "u8" },
-            "raw_size",
-        ),
-        (
-            "fit",
-            toml! { fabric = "plain.toml" front = "a.png" },
-            "front",
-        ),
-        (
-            "render",
-            toml! { scene = "<scene>" denoise = true },
-            "denoise",
-        ),
-        (
-            "measure",
-            toml! { file = "plain.toml" layout = "klems" target_error = 0.1 },
-            "target_error",
-        ),
-        (
-            "measure",
-            toml! { file = "plain.toml" layout = "ptm" target_error = 0.1 },
-            "target_error",
-        ),
-    ] {
-        let error = run_table(name, table, &context).unwrap_err();
+    for [name, table, key] in table_rows(CONTRADICTIONS) {
+        let error = run_table(name, inline(table), &context).unwrap_err();
         assert_eq!(error.kind, ErrorKind::Input, "{error}");
         assert_eq!(error.key.as_deref(), Some(key), "{error}");
     }
@@ -497,15 +407,14 @@ fn a_file_of_requests_is_read_as_a_whole_and_done_in_order() {
         ),
     ] {
         write(&format!("{volume}{wrong}"));
-        let why = complaint(&folder, &["run", "requests.toml"]);
-        assert!(why.contains(words), "{why}");
+        assert_contains(&complaint(&folder, "run requests.toml"), words);
         assert!(!folder.join("plain.ovox").exists(), "{wrong}");
     }
     // The measurement, whose name is earlier in the alphabet, reads the volume.
     write(&format!("{volume}{info}"));
-    succeed(&folder, &["run", "requests.toml"]);
+    succeed(&folder, "run requests.toml");
     let read = |name: &str| std::fs::read(folder.join(name)).unwrap();
-    succeed(&folder, &["voxelize", "plain.toml", "-o", "same.ovox"]);
+    succeed(&folder, "voxelize plain.toml -o same.ovox");
     assert!(read("plain.ovox") == read("same.ovox"));
     let rows = String::from_utf8(read("scan.csv")).unwrap().lines().count();
     assert_eq!(rows, 1 + 4 * 2 * 2 * 17);
@@ -538,7 +447,6 @@ fn arguments_need_not_be_text() {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_organza"));
     let command = command.current_dir(&folder).arg("render").arg(name);
     let done = command.args(["-o", "a.png"]).output().unwrap();
-    assert_eq!(done.status.code(), Some(2), "{done:?}");
-    let words = String::from_utf8_lossy(&done.stderr);
-    assert!(words.contains("b\u{fffd}.wif"), "{words}");
+    let words = ended(&done, 2);
+    assert_contains(&words, "b\u{fffd}.wif");
 }

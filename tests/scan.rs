@@ -8,36 +8,31 @@ use organza_scan::input::tiff::TiffSlices;
 use organza_scan::phantom::{Phantom, PhantomLook, write_tiff};
 use organza_scene::fabric_file;
 use organza_scene::loader::Loader;
+use organza_testing::{assert_contains, table_rows};
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 /// Gauze as a micro-CT scanner would see it, with its radius and grey value given.
-pub const GAUZE: [&str; 7] = [
-    "scan",
-    "--voxel-um",
-    "3.5",
-    "--fibre-radius-um",
-    "9",
-    "--fibre",
-    "170",
-];
+pub const GAUZE: &str = "scan --voxel-um 3.5 --fibre-radius-um 9 --fibre 170";
 
 pub fn gauze() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("volumes/gauze_ct.tif")
 }
 
 /// Scans the gauze in a folder.
-fn scan(folder: &Path, outfile: &str, more: &[&str]) -> String {
+fn scan(folder: &Path, outfile: &str, more: &str) -> String {
     let ct = gauze();
-    let file = [ct.to_str().unwrap(), "-o", outfile];
-    succeed(folder, &[&GAUZE[..], &file, more].concat())
+    let mut arguments = argv(GAUZE);
+    arguments.extend([ct.to_str().unwrap(), "-o", outfile]);
+    arguments.extend(argv(more));
+    succeed(folder, &arguments)
 }
 
 #[test]
 fn a_scan_is_shown_described_and_measured_like_a_volume() {
     let folder = folder("scan-use");
-    scan(&folder, "red.ovox", &["--quiet", "--colour", "0.7,0.1,0.1"]);
-    let info = succeed(&folder, &["info", "red.ovox", "--json"]);
+    scan(&folder, "red.ovox", "--quiet --colour 0.7,0.1,0.1");
+    let info = succeed(&folder, "info red.ovox --json");
     let info: serde_json::Value = serde_json::from_str(&info).unwrap();
     assert_eq!(info["kind"], "scan");
     assert_eq!(info["scan"]["scan"]["fibre_radius_um"].as_f64(), Some(9.0));
@@ -55,10 +50,7 @@ fn a_scan_is_shown_described_and_measured_like_a_volume() {
         resolution = [16, 16]\n[[light]]\nkind = \"directional\"\ndirection = [0.2, 0.1, -0.97]\n\
         irradiance = [3.0, 3.0, 3.0]\n[[object]]\nkind = \"volume\"\nfile = \"red.ovox\"\n";
     std::fs::write(folder.join("scene.toml"), scene).unwrap();
-    succeed(
-        &folder,
-        &argv("render scene.toml -o out.exr --spp 8 --quiet"),
-    );
+    succeed(&folder, "render scene.toml -o out.exr --spp 8 --quiet");
     let channels = exr_channels(&folder.join("out.exr"));
     let mean = |name: &str| {
         let list = &channels[name];
@@ -67,9 +59,23 @@ fn a_scan_is_shown_described_and_measured_like_a_volume() {
     assert!(mean("R") > 2.0 * mean("G"), "{} {}", mean("R"), mean("G"));
     let wrong = scene.to_owned() + "[object.optics.fibbre]\nend_on_ratio = 0.2\n";
     std::fs::write(folder.join("wrong.toml"), wrong).unwrap();
-    let words = complaint(&folder, &["render", "wrong.toml", "-o", "x.exr"]);
-    assert!(words.contains("did you mean `fibre`?"), "{words}");
+    let said = complaint(&folder, "render wrong.toml -o x.exr");
+    assert_contains(&said, "did you mean `fibre`?");
 }
+
+/// What is scanned, and a part of the message.
+const REFUSED: &str = "
+cut.tif --voxel-um 2 | cut.tif: not a usable TIFF file:
+flat.raw --raw-type u8 --voxel-um 2 --raw-size 10,10,10 | flat.raw: every voxel has the grey value 7
+noise.raw --raw-type u8 --voxel-um 2 --raw-size 40,40,40 | noise.raw: no fibre was found
+flat.raw --raw-type u8 --voxel-um 2 --raw-size 10,10,9 | make 900 bytes; it has 1000
+none --voxel-um 2 | the folder holds no .tif
+whole.tif | the file names no size of voxels: give --voxel-um
+wole.tif --voxel-um 2 | whole.tif
+whole.tif cut.tif --voxel-um 2 | whole.tif: holds
+whole.tif --voxel-um 2 --threshold 300 | no voxel is above the threshold of 300
+whole.tif --voxel-um 2 --max-memory 1MiB | bytes are allowed
+";
 
 #[test]
 fn volumes_that_hold_no_cloth_are_refused_and_nothing_is_written() {
@@ -83,53 +89,9 @@ fn volumes_that_hold_no_cloth_are_refused_and_nothing_is_written() {
     std::fs::write(folder.join("noise.raw"), noise).unwrap();
     std::fs::create_dir(folder.join("none")).unwrap();
     std::fs::write(folder.join("whole.tif"), &ct).unwrap();
-    let raw = |name: &'static str, size: &'static str| {
-        vec![
-            name,
-            "--raw-type",
-            "u8",
-            "--voxel-um",
-            "2",
-            "--raw-size",
-            size,
-        ]
-    };
-    for (arguments, words) in [
-        (
-            vec!["cut.tif", "--voxel-um", "2"],
-            "cut.tif: not a usable TIFF file: ",
-        ),
-        (
-            raw("flat.raw", "10,10,10"),
-            "flat.raw: every voxel has the grey value 7",
-        ),
-        (
-            raw("noise.raw", "40,40,40"),
-            "noise.raw: no fibre was found",
-        ),
-        (raw("flat.raw", "10,10,9"), "make 900 bytes; it has 1000"),
-        (vec!["none", "--voxel-um", "2"], "the folder holds no .tif"),
-        (
-            vec!["whole.tif"],
-            "the file names no size of voxels: give --voxel-um",
-        ),
-        (vec!["wole.tif", "--voxel-um", "2"], "whole.tif"),
-        (
-            vec!["whole.tif", "cut.tif", "--voxel-um", "2"],
-            "whole.tif: holds ",
-        ),
-        (
-            vec!["whole.tif", "--voxel-um", "2", "--threshold", "300"],
-            "no voxel is above the threshold of 300",
-        ),
-        (
-            vec!["whole.tif", "--voxel-um", "2", "--max-memory", "1MiB"],
-            "bytes are allowed",
-        ),
-    ] {
-        let command = [&["scan", "-o", "x.ovox"][..], &arguments].concat();
-        let said = complaint(&folder, &command);
-        assert!(said.contains(words), "{arguments:?}: {said}");
+    for [arguments, words] in table_rows(REFUSED) {
+        let said = complaint(&folder, &format!("scan -o x.ovox {arguments}"));
+        assert!(said.contains(words), "{arguments}: {said}");
         assert!(!folder.join("x.ovox").exists());
     }
 }
@@ -138,20 +100,17 @@ fn volumes_that_hold_no_cloth_are_refused_and_nothing_is_written() {
 #[test]
 fn a_journal_gives_the_volume_of_an_unbroken_scan() {
     let folder = folder("scan-journal");
-    scan(&folder, "a.ovox", &["--threads", "1"]);
-    scan(
-        &folder,
-        "b.ovox",
-        &["--threads", "2", "--journal", "journal"],
-    );
-    let said = scan(&folder, "c.ovox", &["--journal", "journal"]);
-    assert!(said.contains("slabs are finished"), "{said}");
+    scan(&folder, "a.ovox", "--threads 1");
+    scan(&folder, "b.ovox", "--threads 2 --journal journal");
+    let said = scan(&folder, "c.ovox", "--journal journal");
+    assert_contains(&said, "slabs are finished");
     let bytes = |name: &str| std::fs::read(folder.join(name)).unwrap();
     assert!(bytes("a.ovox") == bytes("b.ovox") && bytes("b.ovox") == bytes("c.ovox"));
     // Another threshold is another scan.
     let ct = gauze();
-    let file = [ct.to_str().unwrap(), "-o", "d.ovox", "--threshold", "100"];
-    let other = [&GAUZE[..], &file, &["--journal", "journal"]].concat();
+    let mut other = argv(GAUZE);
+    other.extend([ct.to_str().unwrap(), "-o", "d.ovox", "--threshold", "100"]);
+    other.extend(["--journal", "journal"]);
     let out = organza(&folder, &other);
     assert_eq!(out.status.code(), Some(2));
     assert!(!folder.join("d.ovox").exists());

@@ -1,12 +1,13 @@
 //! Flat cloth, its yarns and a tile that repeats, from the scan of a tilted, bent weave.
 
-use crate::program::{folder, organza, succeed};
+use crate::program::{ended, folder, organza, succeed};
 use glam::{DVec3, Quat, UVec3, Vec3};
 use organza_basis::curve::{SegmentList, Tile};
 use organza_basis::{Aabb, Budget, Segment, SegmentSource};
 use organza_scan::phantom::{Phantom, PhantomLook, write_tiff};
 use organza_scene::fabric_file;
 use organza_scene::loader::Loader;
+use organza_testing::assert_contains;
 use organza_volume::{Octree, ovox};
 use std::path::Path;
 
@@ -75,23 +76,10 @@ fn draw(folder: &Path, seed: u64) -> f64 {
     length / f64::from(size.x * size.y)
 }
 
-fn scan(folder: &Path, outfile: &str, more: &[&str]) -> (Octree, String) {
+fn scan(folder: &Path, outfile: &str, more: &str) -> (Octree, String) {
     // The slabs of the first scan serve the second.
-    let command = [
-        "scan",
-        "ct.tif",
-        "--voxel-um",
-        "10",
-        "--fibre-radius-um",
-        "26",
-        "--fibre",
-        "180",
-        "--journal",
-        "slabs",
-        "-o",
-        outfile,
-    ];
-    let said = succeed(folder, &[&command, more].concat());
+    let scan = "scan ct.tif --voxel-um 10 --fibre-radius-um 26 --fibre 180 --journal slabs";
+    let said = succeed(folder, &format!("{scan} -o {outfile} {more}"));
     let bytes = std::fs::read(folder.join(outfile)).unwrap();
     let file = ovox::read(&mut &bytes[..], &mut Budget::new(1 << 30));
     (file.unwrap().octree, said)
@@ -169,20 +157,20 @@ fn what_is_wrong(octree: &Octree, drawn: f64) -> Option<String> {
 fn a_tilted_bent_weave_becomes_a_flat_tile_of_two_yarn_systems() {
     let folder = folder("scan-cloth");
     let drawn = draw(&folder, SEED);
-    let (tile, _) = scan(&folder, "tile.ovox", &["--flatten", "--yarns", "--tile"]);
+    let (tile, _) = scan(&folder, "tile.ovox", "--flatten --yarns --tile");
     let wrong = what_is_wrong(&tile, drawn);
     assert_eq!(wrong, None, "seed {SEED}");
     a_tile_is_an_exemplar(&folder, &tile);
     // Known bad: as it lay in the scanner.
-    let (raw, said) = scan(&folder, "raw.ovox", &[]);
-    assert!(said.contains("slabs are finished"), "{said}");
+    let (raw, said) = scan(&folder, "raw.ovox", "");
+    assert_contains(&said, "slabs are finished");
     let raw = described(&raw);
     assert!(
         raw.unevenness_mm > 0.01 && raw.systems[0].1 < 0.6,
         "{raw:?}"
     );
     // Known bad: one system for both, and a bend that no plane takes away.
-    let (plane, _) = scan(&folder, "plane.ovox", &["--flatten=0", "--tile"]);
+    let (plane, _) = scan(&folder, "plane.ovox", "--flatten=0 --tile");
     assert!(what_is_wrong(&plane, drawn).is_some());
     assert!(described(&plane).unevenness_mm > 0.00045);
 }
@@ -198,7 +186,7 @@ fn a_tile_is_an_exemplar(folder: &Path, tile: &Octree) {
         + weft
         + "[voxel]\nsize_um = 10.0\n[synthesis]\nexemplars = [\"tile.ovox\"]\n";
     std::fs::write(folder.join("large.toml"), &fabric).unwrap();
-    let figures = succeed(folder, &["info", "large.toml", "--json"]);
+    let figures = succeed(folder, "info large.toml --json");
     let figures: serde_json::Value = serde_json::from_str(&figures).unwrap();
     let figure = |path: &str| {
         let found = figures.pointer(&format!("/synthesis/{path}"));
@@ -218,7 +206,7 @@ fn a_tile_is_an_exemplar(folder: &Path, tile: &Octree) {
         "{tangent_rad} rad, seed {SEED}"
     );
 
-    succeed(folder, &["voxelize", "large.toml", "-o", "large.ovox"]);
+    succeed(folder, "voxelize large.toml -o large.ovox");
     let bytes = std::fs::read(folder.join("large.ovox")).unwrap();
     let cloth = ovox::read(&mut &bytes[..], &mut Budget::new(1 << 30));
     let (own, expected) = (described(&cloth.unwrap().octree), described(tile));
@@ -232,8 +220,6 @@ fn a_tile_is_an_exemplar(folder: &Path, tile: &Octree) {
     // Known bad: a design with neighbourhoods that the screen does not have.
     let twill = fabric.replace("\"plain\"", "\"twill-2-2-z\"");
     std::fs::write(folder.join("twill.toml"), twill).unwrap();
-    let out = organza(folder, &["info", "twill.toml"]);
-    let said = String::from_utf8_lossy(&out.stderr);
-    assert_eq!(out.status.code(), Some(2), "{said}");
-    assert!(said.contains("no exemplar has"), "{said}");
+    let said = ended(&organza(folder, "info twill.toml"), 2);
+    assert_contains(&said, "no exemplar has");
 }

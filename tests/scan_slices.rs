@@ -52,8 +52,8 @@ fn write_gauze(folder: &Path, depth: png::BitDepth) -> (Vec<f32>, usize) {
     (values, width)
 }
 
-fn scan(folder: &Path, input: &[&str], outfile: &str) -> Octree {
-    succeed(folder, &[&GAUZE[..], input, &["-o", outfile]].concat());
+fn scan(folder: &Path, input: &str, outfile: &str) -> Octree {
+    succeed(folder, &format!("{GAUZE} {input} -o {outfile}"));
     let bytes = std::fs::read(folder.join(outfile)).unwrap();
     let file = ovox::read(&mut &bytes[..], &mut Budget::new(1 << 30));
     file.unwrap().octree
@@ -73,15 +73,12 @@ fn a_folder_of_png_gives_the_volume_of_the_values() {
     let folder = folder("scan-png");
     let (last, width) = write_gauze(&folder, png::BitDepth::Eight);
     let size = format!("{width},{},{COUNT}", last.len() / width);
-    let raw = ["slices.raw", "--raw-type", "u8", "--raw-size", &size];
+    let raw = format!("slices.raw --raw-type u8 --raw-size {size}");
     let values = scan(&folder, &raw, "values.ovox");
     assert!(values.occupied_voxels() > 10_000);
-    assert!(are_same(&values, &scan(&folder, &["slices"], "eight.ovox")));
+    assert!(are_same(&values, &scan(&folder, "slices", "eight.ovox")));
     write_gauze(&folder, png::BitDepth::Sixteen);
-    assert!(are_same(
-        &values,
-        &scan(&folder, &["slices"], "sixteen.ovox")
-    ));
+    assert!(are_same(&values, &scan(&folder, "slices", "sixteen.ovox")));
     // Known bad: two slices exchanged.
     let slices = folder.join("slices");
     std::fs::rename(slices.join("s9.png"), slices.join("kept")).unwrap();
@@ -89,7 +86,7 @@ fn a_folder_of_png_gives_the_volume_of_the_values() {
     std::fs::rename(slices.join("kept"), slices.join("s15.png")).unwrap();
     assert!(!are_same(
         &values,
-        &scan(&folder, &["slices"], "exchanged.ovox")
+        &scan(&folder, "slices", "exchanged.ovox")
     ));
 }
 
@@ -99,7 +96,7 @@ fn png_slices_of_mixed_sizes_or_depths_are_refused_by_name() {
     let (last, width) = write_gauze(&folder, png::BitDepth::Eight);
     let slice = folder.join("slices/s12.png");
     let good = std::fs::read(&slice).unwrap();
-    let command = [&GAUZE[..], &["slices", "-o", "x.ovox"]].concat();
+    let command = format!("{GAUZE} slices -o x.ovox");
     let refused = |words: &str| {
         let said = complaint(&folder, &command);
         let named = said.contains("s12.png: ") && said.contains(words);
@@ -117,5 +114,5 @@ fn png_slices_of_mixed_sizes_or_depths_are_refused_by_name() {
     refused("not a usable PNG file");
     // Nothing but this slice was wrong.
     std::fs::write(&slice, &good).unwrap();
-    scan(&folder, &["slices"], "x.ovox");
+    scan(&folder, "slices", "x.ovox");
 }

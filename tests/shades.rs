@@ -1,8 +1,8 @@
 //! Shades before windows: bands beyond light, the sheet of EN 14501, and fits to what a laboratory
 //! measured.
 
-use crate::program::{complaint, folder, succeed};
-use organza_testing::sized;
+use crate::program::{argv, complaint, folder, succeed};
+use organza_testing::{assert_contains, sized};
 use serde_json::Value;
 use std::path::Path;
 
@@ -34,12 +34,12 @@ fn figure(sheet: &Value, band: &str, side: &str, quantity: &str) -> [f64; 2] {
 fn the_sun_is_light_and_near_infrared() {
     let folder = folder("shade-bands");
     let spp = sized(4096, 32768).to_string();
-    let sheet = |more: &[&str]| {
-        let base = ["--layout", "en14501", "--spp", &spp];
-        json(&folder, &[&["measure"], &SCREEN[..], &base, more].concat())
+    let sheet = |more: &str| {
+        let more = format!("--layout en14501 --spp {spp} {more}");
+        json(&folder, &[&["measure"], &SCREEN[..], &argv(&more)].concat())
     };
-    let both = sheet(&["--bands", "visible,solar"]);
-    let nir = sheet(&["--bands", "nir", "--seed", "5"]);
+    let both = sheet("--bands visible,solar");
+    let nir = sheet("--bands nir --seed 5");
     let [r, se] = figure(&both, "solar", "face", "normal_reflectance");
     let [light, light_se] = figure(&both, "visible", "face", "normal_reflectance");
     let [infrared, infrared_se] = figure(&nir, "nir", "face", "normal_reflectance");
@@ -61,12 +61,7 @@ fn the_sun_is_light_and_near_infrared() {
     for name in ["glare_control", "night_privacy", "view_out", "daylight"] {
         assert!(classes[name]["class"].as_u64().unwrap() <= 4, "{classes}");
     }
-    let own = sheet(&[
-        "--bands",
-        "solar",
-        "--set",
-        "optics.coated.solar.colour=0.9",
-    ]);
+    let own = sheet("--bands solar --set optics.coated.solar.colour=0.9");
     let [bright, _] = figure(&own, "solar", "face", "normal_reflectance");
     assert!(bright > r + 0.1, "{bright} {r}");
 }
@@ -74,40 +69,35 @@ fn the_sun_is_light_and_near_infrared() {
 #[test]
 fn bands_that_cannot_be_seen_are_refused() {
     let folder = folder("shade-refusals");
-    let refuse = |words: &[&str], expected: &str| {
-        let words = [&["measure"], words, &["-o", "no.csv", "--quiet"]].concat();
-        let said = complaint(&folder, &words);
-        assert!(said.contains(expected), "{said}");
+    let refuse = |of: &[&str], more: &str, expected: &str| {
+        let words = [&["measure"], of, &argv(more), &["-o", "no.csv", "--quiet"]].concat();
+        assert_contains(&complaint(&folder, &words), expected);
         assert!(!folder.join("no.csv").exists());
     };
     let linen = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/fabrics/linen.toml");
-    let sheet = ["--layout", "en14501", "--bands"];
     refuse(
-        &[&[linen], &sheet[..], &["solar"]].concat(),
+        &[linen],
+        "--layout en14501 --bands solar",
         "--bands solar: optics.flax.solar, and optics.flax.nir as well, is missing",
     );
     refuse(
-        &[&[linen], &sheet[..], &["nir"]].concat(),
+        &[linen],
+        "--layout en14501 --bands nir",
         "--bands nir: optics.flax.nir is missing",
     );
     refuse(
-        &[linen, "--layout", "irawan", "--bands", "visible,solar"],
+        &[linen],
+        "--layout irawan --bands visible,solar",
         "--bands: expected one band",
     );
     refuse(
-        &[
-            linen, "--model", "surface", "--layout", "irawan", "--bands", "nir",
-        ],
+        &[linen],
+        "--model surface --layout irawan --bands nir",
         "has colours only",
     );
     refuse(
-        &[
-            &SCREEN[..],
-            &sheet,
-            &["nir"],
-            &["--set", "optics.coated.nir.colour=2"],
-        ]
-        .concat(),
+        &SCREEN,
+        "--layout en14501 --bands nir --set optics.coated.nir.colour=2",
         ".nir.colour: expected a number from 0 to 1, found 2",
     );
 }
@@ -119,41 +109,15 @@ fn a_shade_is_fitted_or_the_reason_is_given() {
     let folder = folder("shade-fit");
     let spp = sized(8192, 32768).to_string();
     let share_noise = |value: f64| (value / spp.parse::<f64>().unwrap()).sqrt();
-    let planted = [
-        "--set",
-        "optics.coated.colour=[0.5,0.4,0.3]",
-        "--set",
-        "optics.coated.nir.colour=0.75",
-        "--set",
-        "yarn.coated.aspect=2.0",
-    ];
-    let klems = [
-        "--layout",
-        "klems",
-        "--bands",
-        "visible,solar",
-        "--spp",
-        &spp,
-        "--klems-basis",
-        "quarter",
-    ];
-    let written = [
-        "-o",
-        "values.xml",
-        "--seed",
-        "9",
-        "--set",
-        "tile.repeats=[1,1]",
-        "--quiet",
-    ];
-    let words = [&["measure"], &SCREEN[..], &klems, &planted, &written].concat();
-    succeed(&folder, &words);
+    let planted = "--set optics.coated.colour=[0.5,0.4,0.3] --set optics.coated.nir.colour=0.75 \
+        --set yarn.coated.aspect=2.0 --set tile.repeats=[1,1]";
+    let klems = format!("--layout klems --bands visible,solar --klems-basis quarter --spp {spp}");
+    let more = format!("{klems} {planted} --seed 9 -o values.xml --quiet");
+    succeed(&folder, &[&["measure"], &SCREEN[..], &argv(&more)].concat());
     let paths = sized(4096, 32768).to_string();
     let fit = |file: &str| {
-        let words = [
-            "fit", "shade", "--data", file, "--spp", &paths, "-o", "out.toml",
-        ];
-        json(&folder, &[&words[..], &SCREEN].concat())
+        let fit = format!("fit shade --data {file} --spp {paths} -o out.toml");
+        json(&folder, &[&argv(&fit)[..], &SCREEN].concat())
     };
     let answer = fit("values.xml");
     for band in answer["shade"].as_array().unwrap() {
@@ -173,7 +137,7 @@ fn a_shade_is_fitted_or_the_reason_is_given() {
         "light and sun"
     );
     let text = std::fs::read_to_string(folder.join("out.toml")).unwrap();
-    assert!(text.contains("[optics.coated_weft.solar]"), "{text}");
+    assert_contains(&text, "[optics.coated_weft.solar]");
 
     let text = std::fs::read_to_string(folder.join("values.xml")).unwrap();
     let [before, back] = two_parts(&text, "<WavelengthDataDirection>Reflection Back<");
@@ -191,7 +155,7 @@ fn a_shade_is_fitted_or_the_reason_is_given() {
     let light = &answer["shade"][0];
     assert_eq!(light["good"], false);
     let causes = light["causes"].to_string();
-    assert!(causes.contains("the sides were measured as"), "{causes}");
+    assert_contains(&causes, "the sides were measured as");
 }
 
 /// A text before a mark, and the rest with it.

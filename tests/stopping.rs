@@ -3,6 +3,7 @@
 use crate::cli::write_grid_scene;
 use crate::program::{bytes, exr_channels, folder, picture, succeed};
 use crate::refusals::SAILCLOTH;
+use organza_testing::assert_contains;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -18,13 +19,10 @@ fn the_time_limit_ends_a_render() {
     let folder = folder("time-limit");
     write_grid_scene(&folder);
     let spp = "4000000";
-    let limited = ["render", "scene.toml", "-o", "out.exr", "--spp", spp];
-    let words = succeed(
-        &folder,
-        &[&limited[..], &["--time-limit", "300ms"]].concat(),
-    );
-    assert!(words.contains("time limit reached; "), "{words}");
-    assert!(words.contains(" of 4000000 samples a pixel"), "{words}");
+    let limited = format!("render scene.toml -o out.exr --spp {spp}");
+    let words = succeed(&folder, &format!("{limited} --time-limit 300ms"));
+    assert_contains(&words, "time limit reached; ");
+    assert_contains(&words, " of 4000000 samples a pixel");
     let samples = taken(&words);
     assert!(samples > 0 && samples < 4_000_000, "{words}");
     // What there was time for is what as many samples give.
@@ -36,28 +34,25 @@ fn the_time_limit_ends_a_render() {
 fn errors_that_were_not_reached_or_are_not_known_are_reported() {
     let folder = folder("target-missed");
     write_grid_scene(&folder);
-    let run = ["render", "scene.toml", "-o", "out.exr", "--target-error"];
-    let printed = |more: &[&str]| succeed(&folder, &[&run[..], more].concat());
-    let words = printed(&["0.0001", "--spp", "4"]);
+    let run = "render scene.toml -o out.exr --target-error";
+    let printed = |more: &str| succeed(&folder, &format!("{run} {more}"));
+    let words = printed("0.0001 --spp 4");
     let missed = "all samples taken, target error not reached, 0.";
-    assert!(words.contains(missed), "{words}");
-    assert!(words.contains(" of the mean; 4 of 4 samples"), "{words}");
-    let words = printed(&["0.99", "--spp", "4"]);
-    assert!(words.contains("taken, target error reached, 0."), "{words}");
+    assert_contains(&words, missed);
+    assert_contains(&words, " of the mean; 4 of 4 samples");
+    let words = printed("0.99 --spp 4");
+    assert_contains(&words, "taken, target error reached, 0.");
     // The spread of one sample is not zero, it is not known.
-    let words = printed(&["0.99", "--spp", "1", "--stats"]);
-    assert!(
-        words.contains("error         unknown (one sample)"),
-        "{words}"
-    );
+    let words = printed("0.99 --spp 1 --stats");
+    assert_contains(&words, "error         unknown (one sample)");
     assert!(
         !words.contains("+-") && !words.contains("reached"),
         "{words}"
     );
-    let figures = printed(&["0.99", "--spp", "1", "--json", "--quiet"]);
+    let figures = printed("0.99 --spp 1 --json --quiet");
     let figures: serde_json::Value = serde_json::from_str(&figures).unwrap();
     assert!(figures["relative_error"].is_null() && figures["standard_error"].is_null());
-    let figures = printed(&["0.0001", "--spp", "2", "--json", "--quiet"]);
+    let figures = printed("0.0001 --spp 2 --json --quiet");
     let figures: serde_json::Value = serde_json::from_str(&figures).unwrap();
     assert!(figures["relative_error"].as_f64() > Some(0.0), "{figures}");
 }
@@ -66,16 +61,13 @@ fn errors_that_were_not_reached_or_are_not_known_are_reported() {
 fn the_target_error_ends_a_render_at_the_same_sample_on_any_machine() {
     let folder = folder("target-error");
     write_grid_scene(&folder);
-    let run = ["render", "scene.toml", "-o", "out.exr", "--spp", "100000"];
-    let reach = |target: &str, more: &[&str]| {
-        let words = succeed(
-            &folder,
-            &[&run[..], &["--target-error", target], more].concat(),
-        );
-        assert!(words.contains("target error reached, "), "{words}");
+    let run = "render scene.toml -o out.exr --spp 100000";
+    let reach = |target: &str, more: &str| {
+        let words = succeed(&folder, &format!("{run} --target-error {target} {more}"));
+        assert_contains(&words, "target error reached, ");
         taken(&words)
     };
-    let samples = reach("0.004", &["--threads", "1"]);
+    let samples = reach("0.004", "--threads 1");
     let channels = exr_channels(&folder.join("out.exr"));
     let sum = |names: [&str; 3]| -> f64 {
         let values = names.iter().flat_map(|n| channels[*n].iter());
@@ -89,19 +81,19 @@ fn the_target_error_ends_a_render_at_the_same_sample_on_any_machine() {
         "{error} at {samples} samples"
     );
     let early = bytes(&folder, "out.exr");
-    assert_eq!(reach("0.004", &["--threads", "2"]), samples);
+    assert_eq!(reach("0.004", "--threads 2"), samples);
     assert!(bytes(&folder, "out.exr") == early);
     assert!(early == picture(&folder, &["--spp", &samples.to_string()]));
     // Without --spp there are as many as it takes, though the scene asks for 4.
-    let words = succeed(&folder, &[&run[..4], &["--target-error", "0.004"]].concat());
+    let words = succeed(&folder, "render scene.toml -o out.exr --target-error 0.004");
     assert_eq!(taken(&words), samples);
     assert!(bytes(&folder, "out.exr") == early);
-    let both = ["--target-median-error", "0.99"];
-    assert_eq!(reach("0.004", &both), samples);
-    let both = ["--target-median-error", "0.002"];
-    assert!(reach("0.9", &both) > 16);
+    let both = "--target-median-error 0.99";
+    assert_eq!(reach("0.004", both), samples);
+    let both = "--target-median-error 0.002";
+    assert!(reach("0.9", both) > 16);
     // Four times the samples for half the error, within the steps of looks.
-    let finer = reach("0.002", &[]);
+    let finer = reach("0.002", "");
     assert!(
         finer > 3 * samples && finer < 5 * samples,
         "{samples}, {finer}"
@@ -112,17 +104,11 @@ fn the_target_error_ends_a_render_at_the_same_sample_on_any_machine() {
 fn statistics_tell_fireflies_and_memory() {
     let folder = folder("statistics");
     write_grid_scene(&folder);
-    let words = succeed(
-        &folder,
-        &["render", "scene.toml", "-o", "out.exr", "--stats"],
-    );
-    assert!(words.contains("rejected      0 samples"), "{words}");
-    assert!(words.contains("times the mean"), "{words}");
-    assert!(words.contains("memory "), "{words}");
-    assert!(
-        words.contains("all samples taken; 4 of 4 samples"),
-        "{words}"
-    );
+    let words = succeed(&folder, "render scene.toml -o out.exr --stats");
+    assert_contains(&words, "rejected      0 samples");
+    assert_contains(&words, "times the mean");
+    assert_contains(&words, "memory ");
+    assert_contains(&words, "all samples taken; 4 of 4 samples");
 }
 
 /// Rays beside all matter of a cloth without end, whose samples once took for ever.

@@ -1,7 +1,8 @@
 //! Cloths that come without a scene: drafts, weaves and fabrics in studios, drafts of any size,
 //! and the fabrics that are written for drafts.
 
-use crate::program::{argv, complaint, folder, organza, succeed};
+use crate::program::{complaint, folder, organza, succeed};
+use organza_testing::assert_contains;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -30,12 +31,9 @@ const PLAIN: &str = "[WIF]\nVersion=1.1\n[WARP]\nThreads=2\n[WEFT]\nThreads=2\n\
                      [THREADING]\n1=1\n2=2\n[LIFTPLAN]\n1=1\n2=2\n";
 
 /// Renders a small picture, which must not be black.
-fn render(folder: &Path, what: &str, more: &[&str]) -> String {
-    let small = "camera.resolution=[24,24]";
-    let run = [
-        "render", what, "-o", "out.png", "--spp", "2", "--set", small,
-    ];
-    let words = succeed(folder, &[&run[..], more].concat());
+fn render(folder: &Path, what: &str, more: &str) -> String {
+    let small = "-o out.png --spp 2 --set camera.resolution=[24,24]";
+    let words = succeed(folder, &format!("render {what} {small} {more}"));
     let picture = std::fs::read(folder.join("out.png")).unwrap();
     let (picture, _) = organza_picture::decode(&picture, 1 << 20).unwrap();
     assert_eq!(picture.size.to_array(), [24, 24]);
@@ -52,13 +50,13 @@ fn render(folder: &Path, what: &str, more: &[&str]) -> String {
 fn a_draft_a_weave_and_a_fabric_are_rendered_without_a_scene() {
     let folder = folder("studios");
     std::fs::write(folder.join("plain.wif"), PLAIN).unwrap();
-    let words = render(&folder, "plain.wif", &[]);
-    assert!(words.contains("exposure      auto"), "{words}");
+    let words = render(&folder, "plain.wif", "");
+    assert_contains(&words, "exposure      auto");
     for studio in ["swatch", "macro", "window"] {
-        render(&folder, "satin-5-2", &["--studio", studio]);
+        render(&folder, "satin-5-2", &format!("--studio {studio}"));
     }
-    succeed(&folder, &["weave", "plain.wif", "-o", "made.toml"]);
-    render(&folder, "made.toml", &["--set", "warp.per_cm=20"]);
+    succeed(&folder, "weave plain.wif -o made.toml");
+    render(&folder, "made.toml", "--set warp.per_cm=20");
     // Nothing but pictures and what was asked for is written.
     let mut names = organza_testing::file_names(&folder);
     names.sort();
@@ -69,15 +67,14 @@ fn a_draft_a_weave_and_a_fabric_are_rendered_without_a_scene() {
 fn a_large_draft_is_listed_and_rendered_at_once() {
     let folder = folder("studio-large");
     std::fs::write(folder.join("large.wif"), damask(880)).unwrap();
-    render(&folder, "large.wif", &["--studio", "macro"]);
-    succeed(&folder, &["weave", "large.wif", "-o", "large.toml"]);
-    let words = succeed(&folder, &["info", "large.toml"]);
-    assert!(words.contains("Synthesis\n"), "{words}");
+    render(&folder, "large.wif", "--studio macro");
+    succeed(&folder, "weave large.wif -o large.toml");
+    assert_contains(&succeed(&folder, "info large.toml"), "Synthesis\n");
     let refused = complaint(
         &folder,
-        &argv("measure large.toml --model fibres --quiet --layout irawan -o x.csv --spp 2"),
+        "measure large.toml --model fibres --quiet --layout irawan -o x.csv --spp 2",
     );
-    assert!(refused.contains("draft.part = [0, 0, 64, 64]"), "{refused}");
+    assert_contains(&refused, "draft.part = [0, 0, 64, 64]");
 }
 
 #[test]
@@ -90,12 +87,12 @@ fn a_jam_names_what_fits_and_that_fits() {
         )
     };
     std::fs::write(folder.join("jam.toml"), fabric("60")).unwrap();
-    let refused = complaint(&folder, &["render", "jam.toml", "-o", "x.png"]);
+    let refused = complaint(&folder, "render jam.toml -o x.png");
     let (_, tex) = refused.split_once("what fits: tex ").unwrap();
     let (tex, rest) = tex.split_once(' ').unwrap();
     assert!(rest.contains("--fit-yarn"), "{refused}");
     std::fs::write(folder.join("fine.toml"), fabric(tex)).unwrap();
-    succeed(&folder, &["info", "fine.toml"]);
+    succeed(&folder, "info fine.toml");
     let (_, per_cm) = refused.split_once("; or ").unwrap();
     let per_cm: Vec<&str> = per_cm
         .split(' ')
@@ -105,12 +102,9 @@ fn a_jam_names_what_fits_and_that_fits() {
         format!("warp.per_cm={}", per_cm[0]),
         format!("weft.per_cm={}", per_cm[1]),
     );
-    succeed(
-        &folder,
-        &["info", "jam.toml", "--set", &warp, "--set", &weft],
-    );
-    let words = render(&folder, "jam.toml", &["--fit-yarn"]);
-    assert!(words.contains("finer yarns, so that they fit"), "{words}");
+    succeed(&folder, &format!("info jam.toml --set {warp} --set {weft}"));
+    let words = render(&folder, "jam.toml", "--fit-yarn");
+    assert_contains(&words, "finer yarns, so that they fit");
 }
 
 #[test]
@@ -125,7 +119,7 @@ fn colours_are_read_as_weavers_write_them() {
     };
     let ends = |colours: &str| {
         fabric(colours);
-        let words = succeed(&folder, &["weave", "a.toml", "--json"]);
+        let words = succeed(&folder, "weave a.toml --json");
         let listing: serde_json::Value = serde_json::from_str(&words).unwrap();
         listing["draft"]["ends"].as_u64().unwrap()
     };
@@ -133,7 +127,7 @@ fn colours_are_read_as_weavers_write_them() {
     assert_eq!(ends("'B/24 R4 K24 Y/4'"), 24 + 4 + 24 + 4 + 24 + 4);
     assert_eq!(ends("['navy', [0.1, 0.2, 0.3]]"), 2);
     fabric("'8 redd'");
-    let refused = complaint(&folder, &["info", "a.toml"]);
+    let refused = complaint(&folder, "info a.toml");
     assert!(
         refused.contains("a.toml:2:33: warp: ") && refused.contains("did you mean \"red\"?"),
         "{refused}"
@@ -155,20 +149,19 @@ fn what_cannot_be_rendered_is_refused_with_the_nearest() {
     )
     .unwrap();
     for (what, more, words) in [
-        ("twil-2-2", &[][..], "did you mean \"twill-2-2\"?"),
-        ("bad.wif", &[], "bad.wif: ["),
-        ("none.wif", &[], "none.wif: no such file"),
-        ("notes.txt", &[], "notes.txt: is not TOML"),
+        ("twil-2-2", "", "did you mean \"twill-2-2\"?"),
+        ("bad.wif", "", "bad.wif: ["),
+        ("none.wif", "", "none.wif: no such file"),
+        ("notes.txt", "", "notes.txt: is not TOML"),
         (
             "scene.toml",
-            &["--studio", "macro"],
+            "--studio macro",
             "--studio macro: scene.toml is a scene",
         ),
-        ("plain", &["--set", "warp.per_cn=3"], "per_cn"),
-        ("plain", &["--set", "camera.fow=3"], "fow"),
+        ("plain", "--set warp.per_cn=3", "per_cn"),
+        ("plain", "--set camera.fow=3", "fow"),
     ] {
-        let run = ["render", what, "-o", "x.png"];
-        let refused = complaint(&folder, &[&run[..], more].concat());
+        let refused = complaint(&folder, &format!("render {what} -o x.png {more}"));
         assert!(refused.contains(words), "{what}: {refused}");
         assert!(!folder.join("x.png").exists());
     }
@@ -180,19 +173,16 @@ fn a_finished_render_is_developed_again() {
     let small = "camera.resolution=[24,24]";
     succeed(
         &folder,
-        &[
-            "render", "plain", "-o", "a.exr", "--spp", "2", "--set", small,
-        ],
+        &format!("render plain -o a.exr --spp 2 --set {small}"),
     );
     let words = succeed(
         &folder,
-        &argv("develop a.exr -o b.png --tone-mapping agx --size-px 12"),
+        "develop a.exr -o b.png --tone-mapping agx --size-px 12",
     );
-    assert!(words.contains("b.png: 12 x 12, exposure "), "{words}");
-    let listed = succeed(&folder, &["info", "b.png"]);
-    assert!(listed.contains("resolution: 12 12"), "{listed}");
-    let refused = complaint(&folder, &["develop", "b.png", "-o", "c.png"]);
-    assert!(refused.contains("is a finished picture"), "{refused}");
+    assert_contains(&words, "b.png: 12 x 12, exposure ");
+    assert_contains(&succeed(&folder, "info b.png"), "resolution: 12 12");
+    let said = complaint(&folder, "develop b.png -o c.png");
+    assert_contains(&said, "is a finished picture");
 }
 
 #[cfg(unix)]
@@ -214,15 +204,11 @@ fn an_interrupt_keeps_the_picture_so_far() {
         .find(|l| l.as_ref().unwrap().starts_with("rendering: "))
         .unwrap()
         .unwrap();
-    let pid = child.id().to_string();
-    std::process::Command::new("kill")
-        .args(["-INT", &pid])
-        .status()
-        .unwrap();
+    crate::program::signal(&child, "-INT");
     let last = lines.last().unwrap().unwrap();
     assert!(!child.wait().unwrap().success());
-    assert!(last.contains("x.png holds the picture so far"), "{last}");
+    assert_contains(&last, "x.png holds the picture so far");
     assert!(folder.join("x.png").exists());
-    let listed = organza(&folder, &["info", "x.png"]);
+    let listed = organza(&folder, "info x.png");
     assert!(listed.status.success());
 }

@@ -1,7 +1,8 @@
 //! `organza view` as a process: its address, its picture, its end.
 #![cfg(unix)] // it is ended by a signal
 
-use crate::program::{bytes, complaint, folder, succeed};
+use crate::program::{bytes, complaint, folder, signal, succeed};
+use organza_testing::assert_contains;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
@@ -72,9 +73,7 @@ impl View {
 
     /// Ends it as Ctrl-C does; the exit status.
     fn interrupt(mut self) -> Option<i32> {
-        let id = self.process.id().to_string();
-        let killed = Command::new("kill").args(["-INT", &id]).status().unwrap();
-        assert!(killed.success());
+        signal(&self.process, "-INT");
         let began = Instant::now();
         loop {
             if let Some(status) = self.process.try_wait().unwrap() {
@@ -109,11 +108,8 @@ fn the_page_shows_and_saves_what_render_writes() {
     let view = View::start(&folder, &["scene.toml"]);
     let shown = view.finished_picture();
     view.ask("POST", "save", "{\"name\":\"saved\"}");
-    succeed(&folder, &["render", "scene.toml", "-o", "rendered.png"]);
-    succeed(
-        &folder,
-        &["render", "saved.toml", "-o", "saved_rendered.exr"],
-    );
+    succeed(&folder, "render scene.toml -o rendered.png");
+    succeed(&folder, "render saved.toml -o saved_rendered.exr");
     assert!(
         shown == bytes(&folder, "rendered.png"),
         "the picture of the page"
@@ -132,22 +128,19 @@ fn the_page_shows_and_saves_what_render_writes() {
 fn wrong_files_and_ports_are_refused_before_anything_is_served() {
     let folder = folder("view-wrong");
     std::fs::write(folder.join("broken.toml"), "[draft]\nweave = 'plan'\n").unwrap();
-    let message = complaint(&folder, &["view", "broken.toml"]);
-    assert!(message.contains("broken.toml: draft.weave"), "{message}");
+    let said = complaint(&folder, "view broken.toml");
+    assert_contains(&said, "broken.toml: draft.weave");
     std::fs::write(folder.join("broken.wif"), "[WIF]\nVersion=1.1\n").unwrap();
-    let message = complaint(&folder, &["view", "broken.wif"]);
+    let message = complaint(&folder, "view broken.wif");
     assert!(message.starts_with("organza: broken.wif: "), "{message}");
-    let message = complaint(&folder, &["view", "brocken.toml"]);
+    let message = complaint(&folder, "view brocken.toml");
     assert!(message.ends_with("did you mean broken.toml?"), "{message}");
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = taken.local_addr().unwrap().port().to_string();
     let draft = "[draft]\nweave = 'plain'\n[warp]\nper_cm = 20.0\n[weft]\nper_cm = 20.0\n";
     std::fs::write(folder.join("plain.toml"), draft).unwrap();
     let message = complaint(&folder, &["view", "plain.toml", "--port", &port]);
-    assert!(
-        message.contains("choose another, or leave it out"),
-        "{message}"
-    );
+    assert_contains(&message, "choose another, or leave it out");
     // It ends while it renders, too.
     let view = View::start(&folder, &["plain.toml", "--set", "tile.repeats=[2,2]"]);
     view.ask("GET", "", "");

@@ -5,6 +5,7 @@ use crate::in_process::{mistake, picture};
 use crate::program::{complaint, folder, succeed, write_vol};
 use organza_basis::{Budget, PathRng, Rgb, warp};
 use organza_scatter::{FlakeMaterials, FlakeOptics};
+use organza_testing::{assert_contains, table_rows};
 use organza_transport::{Film, Pixel};
 use organza_volume::{GridSet, VolGrid, ovox, vdb};
 use std::path::Path;
@@ -31,14 +32,14 @@ fn a_mixture_is_seen_in_one_way() {
     let folder = folder("one_mixture");
     write_fabric(&folder);
     for name in ["tile.vol", "tile.vdb", "tile.ovox"] {
-        succeed(&folder, &["voxelize", "cloth.toml", "-o", name, "--quiet"]);
+        succeed(&folder, &format!("voxelize cloth.toml -o {name} --quiet"));
     }
     let scene = "[camera]\norigin_mm = [0.5, 0.5, 5.0]\ntarget_mm = [0.5, 0.5, 0.0]\n\
         width_mm = 1.0\n[[light]]\nkind = \"environment\"\nradiance = [1.0, 1.0, 1.0]\n\
         [[object]]\nkind = \"cloth\"\nfabric = \"cloth.toml\"\nlod = 0\n";
     std::fs::write(folder.join("scene.toml"), scene).unwrap();
-    let export = ["export", "mitsuba", "scene.toml", "-o", "out", "--quiet"];
-    succeed(&folder, &[&export[..], &["--repeats", "1,1"]].concat());
+    let export = "export mitsuba scene.toml -o out --quiet";
+    succeed(&folder, &format!("{export} --repeats 1,1"));
     let vol = |name: &str| {
         let bytes = std::fs::read(folder.join(name)).unwrap();
         VolGrid::read(&mut &bytes[..], &mut plenty()).unwrap()
@@ -114,8 +115,7 @@ fn grids_that_no_walk_gets_through_are_refused() {
     let refused = |name: &str, dims, channels, data: &[f32], expected: &str| {
         write_grid_scene(&folder);
         write_vol(&folder.join(name), dims, channels, bounds, data);
-        let said = complaint(&folder, &["render", "scene.toml", "-o", "a.exr"]);
-        assert!(said.contains(expected), "{said}");
+        assert_contains(&complaint(&folder, "render scene.toml -o a.exr"), expected);
     };
     let isotropic = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0];
     let indefinite = [1.0, 1.0, 1.0, 5.0, 5.0, 5.0];
@@ -135,10 +135,10 @@ fn grids_that_no_walk_gets_through_are_refused() {
     let matrices = isotropic.repeat(32_000);
     write_vol(&folder.join("sggx.vol"), [40, 40, 20], 6, bounds, &matrices);
     for (allowed, name) in [("100KiB", "sigma_t.vol"), ("800KiB", "sggx.vol")] {
-        let render = ["render", "scene.toml", "-o", "a.exr", "--max-memory"];
-        let said = complaint(&folder, &[&render[..], &[allowed]].concat());
+        let render = "render scene.toml -o a.exr --max-memory";
+        let said = complaint(&folder, &format!("{render} {allowed}"));
         assert!(said.starts_with(&format!("organza: {name}: ")), "{said}");
-        assert!(said.contains(" are allowed"), "{said}");
+        assert_contains(&said, " are allowed");
     }
 }
 
@@ -163,11 +163,8 @@ fn a_volume_is_the_picture_of_its_fabric() {
         + "[surface]\npreset = \"denim\"\n";
     std::fs::write(folder.join("cloth.toml"), surface).unwrap();
     for (name, footprint) in [("covered.ovox", "covered"), ("axis.ovox", "axis")] {
-        let voxelize = ["voxelize", "cloth.toml", "-o", name, "--quiet"];
-        succeed(
-            &folder,
-            &[&voxelize[..], &["--footprint", footprint]].concat(),
-        );
+        let voxelize = format!("voxelize cloth.toml -o {name} --quiet");
+        succeed(&folder, &format!("{voxelize} --footprint {footprint}"));
     }
     let optics = "[object.optics.thick]\nend_on_ratio = 0.5\ncolour = [0.2, 0.4, 0.6]\n";
     for (file, keys) in [
@@ -204,19 +201,17 @@ fn a_volume_is_the_picture_of_its_fabric() {
     // The wrong footprint is said, not refused.
     let volume = "kind = \"volume\"\nfile = \"covered.ovox\"\nmodel = \"packed\"\n";
     let warnings = picture(&folder, &scene(volume), &[]).warnings.concat();
-    assert!(warnings.contains("--footprint covered"), "{warnings}");
+    assert_contains(&warnings, "--footprint covered");
     std::fs::write(folder.join("volume_scene.toml"), scene(volume)).unwrap();
-    let printed = succeed(&folder, &["info", "volume_scene.toml"]);
-    assert!(printed.contains("packed"), "{printed}");
-    let printed = succeed(&folder, &["info", "axis.ovox"]);
+    assert_contains(&succeed(&folder, "info volume_scene.toml"), "packed");
+    let printed = succeed(&folder, "info axis.ovox");
     assert!(
         printed.contains("footprint: axis") && printed.contains("cloth.toml"),
         "{printed}"
     );
     let walks = "source: measured\n  walks: 10000";
-    assert!(printed.contains(walks), "{printed}");
-    let printed = succeed(&folder, &["info", "covered.ovox"]);
-    assert!(printed.contains("source: derived"), "{printed}");
+    assert_contains(&printed, walks);
+    assert_contains(&succeed(&folder, "info covered.ovox"), "source: derived");
 }
 
 /// Through `.vdb`, which merges the populations of a voxel, the mean of a picture
@@ -225,10 +220,7 @@ fn a_volume_is_the_picture_of_its_fabric() {
 fn a_merged_volume_keeps_the_mean_of_the_picture() {
     let folder = folder("volume_merged");
     write_fabric(&folder);
-    succeed(
-        &folder,
-        &["voxelize", "cloth.toml", "-o", "tile.vdb", "--quiet"],
-    );
+    succeed(&folder, "voxelize cloth.toml -o tile.vdb --quiet");
     let values = |object: &str| {
         let film = picture(&folder, &scene(object), &["render.spp=256".to_owned()]).film;
         let green = film.pixels().iter().map(|p| p.mean().0.y);
@@ -254,51 +246,34 @@ fn a_merged_volume_keeps_the_mean_of_the_picture() {
     assert!(twin.abs() > limit, "seed 3: {twin} +- {error}");
 }
 
+/// Keys of a volume object, and a part of the message.
+const MISTAKES: &str = r#"
+file = "tile.png" | object[0].file:
+file = "none.ovox" | none.ovox: no such file
+file = "none.vol" | none.vol:
+file = "tile.vol" | object[0].albedo: is missing
+file = "tile.ovox"; lod = 9 | object[0].lod:
+file = "tile.ovox"; lod = "surface" | object[0].lod:
+file = "tile.ovox"; model = "fibres" | object[0].model:
+file = "tile.ovox"; scale = 0.0 | object[0].scale:
+file = "tile.ovox"; density_scale = 0.0 | object[0].density_scale:
+file = "tile.ovox"; repeat_xy = false; extent_mm = [0.0, 0.0, 1.0, 1.0] | extent_mm belongs to repeat_xy
+file = "tile.vol"; albedo = [0.5, 0.5, 0.5]; model = "packed" | object[0].model: expected
+file = "tile.vol"; albedo = [0.5, 0.5, 2.0] | object[0].albedo: expected
+file = "tile.ovox"; [object.optics.thik]; albedo = [0.5, 0.5, 0.5] | object[0].optics.thik: no yarn
+"#;
+
 /// What a volume object cannot be is refused with its key.
 #[test]
 fn mistakes_in_volume_objects_are_reported_with_their_key() {
     let folder = folder("volume_mistakes");
     write_fabric(&folder);
     for name in ["tile.vol", "tile.ovox"] {
-        succeed(&folder, &["voxelize", "cloth.toml", "-o", name, "--quiet"]);
+        succeed(&folder, &format!("voxelize cloth.toml -o {name} --quiet"));
     }
     std::fs::remove_file(folder.join("tile.albedo.vol")).unwrap();
-    for (object, expected) in [
-        ("file = \"tile.png\"\n", "object[0].file: "),
-        ("file = \"none.ovox\"\n", "none.ovox: no such file"),
-        ("file = \"none.vol\"\n", "none.vol: "),
-        ("file = \"tile.vol\"\n", "object[0].albedo: is missing"),
-        ("file = \"tile.ovox\"\nlod = 9\n", "object[0].lod: "),
-        (
-            "file = \"tile.ovox\"\nlod = \"surface\"\n",
-            "object[0].lod: ",
-        ),
-        (
-            "file = \"tile.ovox\"\nmodel = \"fibres\"\n",
-            "object[0].model: ",
-        ),
-        ("file = \"tile.ovox\"\nscale = 0.0\n", "object[0].scale: "),
-        (
-            "file = \"tile.ovox\"\ndensity_scale = 0.0\n",
-            "object[0].density_scale: ",
-        ),
-        (
-            "file = \"tile.ovox\"\nrepeat_xy = false\nextent_mm = [0.0, 0.0, 1.0, 1.0]\n",
-            "extent_mm belongs to repeat_xy",
-        ),
-        (
-            "file = \"tile.vol\"\nalbedo = [0.5, 0.5, 0.5]\nmodel = \"packed\"\n",
-            "object[0].model: expected",
-        ),
-        (
-            "file = \"tile.vol\"\nalbedo = [0.5, 0.5, 2.0]\n",
-            "object[0].albedo: expected",
-        ),
-        (
-            "file = \"tile.ovox\"\n[object.optics.thik]\nalbedo = [0.5, 0.5, 0.5]\n",
-            "object[0].optics.thik: no yarn",
-        ),
-    ] {
+    for [object, expected] in table_rows(MISTAKES) {
+        let object = object.replace("; ", "\n") + "\n";
         let message = mistake(&folder, &scene(&format!("kind = \"volume\"\n{object}")));
         assert!(message.contains(expected), "{object}: {message}");
     }

@@ -24,14 +24,14 @@ pub fn strewn(min_mm: Vec3, count: u32, strewn: f32, radius_mm: f32) -> Vec<Segm
         .map(|_| {
             let place = Vec3::new(rng.unit(), rng.unit(), rng.unit());
             let mut centre = min_mm + margin + place * (SIZE_MM - 2.0 * margin);
-            let way = (Vec3::X + strewn * warp::uniform_sphere(rng.unit2())).normalize_or(Vec3::X);
+            let axis = (Vec3::X + strewn * warp::uniform_sphere(rng.unit2())).normalize_or(Vec3::X);
             let mut half = 0.011;
             if strewn == 0.0 {
                 // Through the whole tile.
                 centre.x = min_mm.x + 0.5 * SIZE_MM.x;
                 half = 0.5 * SIZE_MM.x - radius_mm;
             }
-            Segment::straight(centre - half * way, centre + half * way, radius_mm)
+            Segment::straight(centre - half * axis, centre + half * axis, radius_mm)
         })
         .collect()
 }
@@ -48,8 +48,8 @@ pub fn geometries() -> Vec<(&'static str, SegmentList)> {
     let mut rng = PathRng::from_seed(SEED);
     for _ in 0..10_000 {
         let centre = Vec3::new(0.05, 0.05, 0.05) + 0.004 * warp::uniform_sphere(rng.unit2());
-        let way = 0.004 * warp::uniform_sphere(rng.unit2());
-        crowded.push(Segment::straight(centre - way, centre + way, 2e-4));
+        let axis = 0.004 * warp::uniform_sphere(rng.unit2());
+        crowded.push(Segment::straight(centre - axis, centre + axis, 2e-4));
     }
     let mut without_length = strewn(Vec3::ZERO, 120, 0.4, 0.004);
     for i in 0..60 {

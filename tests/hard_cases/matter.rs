@@ -4,8 +4,7 @@ use super::{SIZE_MM, VOXEL_MM};
 use glam::{UVec3, Vec3};
 use organza_basis::curve::SegmentList;
 use organza_basis::hypothesis::SphereGrid;
-use organza_basis::unwatched;
-use organza_basis::{Aabb, Rgb, Sym3};
+use organza_basis::{Aabb, Rgb, Sym3, unwatched};
 use organza_scatter::{Fibre, FittedFibre, FittedParameters, Lobe};
 use organza_testing::dielectric_fibre;
 use organza_transport::{

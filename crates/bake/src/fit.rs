@@ -5,8 +5,7 @@ use crate::layout::{PlannedPair, Side};
 use crate::model::{Parameters, Surface, Target};
 use crate::texel::Texel;
 use organza_basis::Stopped;
-use organza_measure::fit::Determined;
-use organza_measure::fit::{Patience, determine, search};
+use organza_measure::fit::{Determined, Patience, determine, search};
 use organza_measure::{Pair, PairValue};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
@@ -115,11 +114,11 @@ pub fn fit_target(
     let mean = f64::from((mean / texels.len().max(1) as f32).element_sum() / 3.0).max(1e-4);
     let texel_weight = sky_weight / mean * (pairs.len() as f64 / texels.len().max(1) as f64).sqrt();
     // After a stop no place has a value, which ends the search at once.
-    let mut go_on = ControlFlow::Continue(());
+    let mut flow = ControlFlow::Continue(());
     let mut residuals = |place: &[f64]| {
-        Stopped::check(go_on).ok()?;
-        go_on = watch();
-        Stopped::check(go_on).ok()?;
+        Stopped::check(flow).ok()?;
+        flow = watch();
+        Stopped::check(flow).ok()?;
         let parameters = target.parameters(place, roughening);
         let values = model_values(target, &parameters, texels, albedos, &pairs);
         let data = used.iter().zip(&weights);
@@ -160,7 +159,7 @@ pub fn fit_target(
         })
         .collect();
     let spare = base.len().saturating_sub(bounds.len()).max(1);
-    Stopped::check(go_on)?;
+    Stopped::check(flow)?;
     let determined = determine(&bounds, &best, &columns, (cost / spare as f64).max(1e-12));
     let parameters = target.parameters(&best, roughening);
     let all: Vec<Pair> = plan.iter().map(|p| p.pair).collect();

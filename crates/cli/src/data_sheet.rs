@@ -4,176 +4,97 @@ use organza_basis::Rgb;
 use serde_json::Value;
 use std::fmt::Write;
 
-/// A line: its label, where its figures stand, their unit, and what they are multiplied by.
-type Line = (&'static str, &'static [&'static str], &'static str, f64);
+/// A line: its label, where its figures stand in the part of the listing that its section shows, or in
+/// the listing, their unit, and what they are multiplied by.
+type Line = (&'static str, &'static str, &'static str, f64);
 
 const CLOTH: &[Line] = &[
-    ("weight", &["figures.areal_density_g_per_m2"], "g/m2", 1.0),
-    ("thickness", &["figures.thickness_mm"], "mm", 1.0),
-    (
-        "covered by threads",
-        &["figures.cover_factor"],
-        "% of the area",
-        100.0,
-    ),
-    ("open", &["openness"], "% of the area", 100.0),
-    (
-        "fibres",
-        &["figures.fibre_volume_fraction"],
-        "% of the volume",
-        100.0,
-    ),
-    (
-        "tile",
-        &["figures.tile_mm.0", "figures.tile_mm.1"],
-        "mm",
-        1.0,
-    ),
-    ("wales", &["figures.wales_per_cm"], "per cm", 1.0),
-    ("loop length", &["figures.loop_length_mm"], "mm", 1.0),
+    ("weight", "areal_density_g_per_m2", "g/m2", 1.0),
+    ("thickness", "thickness_mm", "mm", 1.0),
+    ("covered by threads", "cover_factor", "% of the area", 100.0),
+    ("open", "openness", "% of the area", 100.0),
+    ("fibres", "fibre_volume_fraction", "% of the volume", 100.0),
+    ("tile", "tile_mm.0 tile_mm.1", "mm", 1.0),
+    ("wales", "wales_per_cm", "per cm", 1.0),
+    ("loop length", "loop_length_mm", "mm", 1.0),
 ];
 
 const NET: &[Line] = &[
-    ("ends", &["figures.openwork.ends_per_cm"], "per cm", 1.0),
-    ("rows", &["figures.openwork.rows_per_cm"], "per cm", 1.0),
-    ("holes", &["figures.openwork.holes_per_cm2"], "per cm2", 1.0),
-    (
-        "thread around a hole",
-        &["figures.openwork.thread_per_hole_mm"],
-        "mm",
-        1.0,
-    ),
+    ("ends", "ends_per_cm", "per cm", 1.0),
+    ("rows", "rows_per_cm", "per cm", 1.0),
+    ("holes", "holes_per_cm2", "per cm2", 1.0),
+    ("thread around a hole", "thread_per_hole_mm", "mm", 1.0),
 ];
 
 const NONWOVEN: &[Line] = &[
-    (
-        "mean length of fibres",
-        &["figures.nonwoven.mean_length_mm"],
-        "mm",
-        1.0,
-    ),
-    ("anisotropy", &["figures.nonwoven.anisotropy"], "", 1.0),
-    (
-        "punches",
-        &["figures.nonwoven.punches_per_cm2"],
-        "per cm2",
-        1.0,
-    ),
-    (
-        "bonding points",
-        &["figures.nonwoven.bonding_points_per_cm2"],
-        "per cm2",
-        1.0,
-    ),
+    ("mean length of fibres", "mean_length_mm", "mm", 1.0),
+    ("anisotropy", "anisotropy", "", 1.0),
+    ("punches", "punches_per_cm2", "per cm2", 1.0),
+    ("bonding points", "bonding_points_per_cm2", "per cm2", 1.0),
 ];
 
 const PILE: &[Line] = &[
-    (
-        "weight",
-        &["figures.pile.areal_density_g_per_m2"],
-        "g/m2",
-        1.0,
-    ),
-    ("height", &["figures.pile.height_mm"], "mm", 1.0),
-    (
-        "tufts or loops",
-        &["figures.pile.tufts_per_cm2"],
-        "per cm2",
-        1.0,
-    ),
-    (
-        "yarn in each",
-        &["figures.pile.yarn_per_tuft_mm"],
-        "mm",
-        1.0,
-    ),
-    ("pile ratio", &["figures.pile.pile_ratio"], "", 1.0),
+    ("weight", "areal_density_g_per_m2", "g/m2", 1.0),
+    ("height", "height_mm", "mm", 1.0),
+    ("tufts or loops", "tufts_per_cm2", "per cm2", 1.0),
+    ("yarn in each", "yarn_per_tuft_mm", "mm", 1.0),
+    ("pile ratio", "pile_ratio", "", 1.0),
 ];
 
 const DRAFT: &[Line] = &[
-    ("size", &["draft.ends", "draft.picks"], "ends x picks", 1.0),
-    (
-        "repeat",
-        &["draft.repeat_ends", "draft.repeat_picks"],
-        "ends x picks",
-        1.0,
-    ),
+    ("size", "ends picks", "ends x picks", 1.0),
+    ("repeat", "repeat_ends repeat_picks", "ends x picks", 1.0),
     (
         "warp on the face",
-        &["draft.floats.warp_share"],
+        "floats.warp_share",
         "% of the crossings",
         100.0,
     ),
     (
         "longest floats on the face",
-        &["draft.floats.warp_face", "draft.floats.weft_face"],
+        "floats.warp_face floats.weft_face",
         "warp x weft",
         1.0,
     ),
     (
         "on the back",
-        &["draft.floats.warp_back", "draft.floats.weft_back"],
+        "floats.warp_back floats.weft_back",
         "warp x weft",
         1.0,
     ),
     (
         "ends and picks that bind nowhere",
-        &["draft.floats.loose_ends", "draft.floats.loose_picks"],
+        "floats.loose_ends floats.loose_picks",
         "",
         1.0,
     ),
-    (
-        "covered by threads",
-        &["draft.cover"],
-        "% of the area",
-        100.0,
-    ),
+    ("covered by threads", "cover", "% of the area", 100.0),
 ];
 
 const SYNTHESIS: &[Line] = &[
-    (
-        "tile",
-        &["synthesis.tile_mm.0", "synthesis.tile_mm.1"],
-        "mm",
-        1.0,
-    ),
-    (
-        "size",
-        &["synthesis.design.ends", "synthesis.design.picks"],
-        "ends x picks",
-        1.0,
-    ),
+    ("tile", "tile_mm.0 tile_mm.1", "mm", 1.0),
+    ("size", "design.ends design.picks", "ends x picks", 1.0),
 ];
 
-/// Of warp and weft, side by side.
+/// Of warp and weft, side by side: label, part of the listing, key in each, factor.
 const SYSTEM: &[Line] = &[
-    (
-        "threads per cm",
-        &["figures.SYSTEM.threads_per_cm"],
-        "",
-        1.0,
-    ),
-    ("yarn count, tex", &["figures.SYSTEM.tex"], "", 1.0),
-    ("crimp, %", &["figures.SYSTEM.crimp_percent"], "", 1.0),
-    ("width, mm", &["figures.SYSTEM.width_mm"], "", 1.0),
-    ("height, mm", &["figures.SYSTEM.height_mm"], "", 1.0),
-    ("cover, %", &["figures.SYSTEM.cover_factor"], "", 100.0),
-    (
-        "hairiness index",
-        &["irregularity.SYSTEM.hairiness"],
-        "",
-        1.0,
-    ),
+    ("threads per cm", "figures", "threads_per_cm", 1.0),
+    ("yarn count, tex", "figures", "tex", 1.0),
+    ("crimp, %", "figures", "crimp_percent", 1.0),
+    ("width, mm", "figures", "width_mm", 1.0),
+    ("height, mm", "figures", "height_mm", 1.0),
+    ("cover, %", "figures", "cover_factor", 100.0),
+    ("hairiness index", "irregularity", "hairiness", 1.0),
     (
         "variation of mass, %",
-        &["irregularity.SYSTEM.mass_cv_percent"],
-        "",
+        "irregularity",
+        "mass_cv_percent",
         1.0,
     ),
     (
         "variation of twist, %",
-        &["irregularity.SYSTEM.twist_cv_percent"],
-        "",
+        "irregularity",
+        "twist_cv_percent",
         1.0,
     ),
 ];
@@ -185,14 +106,20 @@ pub fn text(listing: &Value) -> String {
     if let Some(name) = name.into_iter().flatten().find(|name| !name.is_empty()) {
         _ = writeln!(sheet, "{name}\n");
     }
-    section(&mut sheet, "Cloth", CLOTH, listing);
+    section(&mut sheet, "Cloth", CLOTH, listing, "figures");
     systems(&mut sheet, listing);
-    section(&mut sheet, "Draft", DRAFT, listing);
-    section(&mut sheet, "Net", NET, listing);
-    section(&mut sheet, "Nonwoven", NONWOVEN, listing);
-    section(&mut sheet, "Pile", PILE, listing);
+    section(&mut sheet, "Draft", DRAFT, listing, "draft");
+    section(&mut sheet, "Net", NET, listing, "figures.openwork");
+    section(
+        &mut sheet,
+        "Nonwoven",
+        NONWOVEN,
+        listing,
+        "figures.nonwoven",
+    );
+    section(&mut sheet, "Pile", PILE, listing, "figures.pile");
     yarns(&mut sheet, listing);
-    section(&mut sheet, "Synthesis", SYNTHESIS, listing);
+    section(&mut sheet, "Synthesis", SYNTHESIS, listing, "synthesis");
     for path in ["warnings", "draft.warnings"] {
         let all = at(listing, path).and_then(Value::as_array);
         let all: Vec<&str> = all.into_iter().flatten().flat_map(Value::as_str).collect();
@@ -225,20 +152,24 @@ fn figure(x: f64) -> String {
     }
 }
 
-/// The figures of a line; none where one is absent or all round to zero.
-fn figures((_, paths, _, factor): &Line, listing: &Value, system: &str) -> Option<Vec<f64>> {
-    let of = |path: &&str| Some(at(listing, &path.replace("SYSTEM", system))?.as_f64()? * factor);
-    let all = paths.iter().map(of).collect::<Option<Vec<f64>>>()?;
-    all.iter().any(|x| x.abs() > 5e-4).then_some(all)
+/// The figures at paths; none where one is absent or all round to zero.
+fn figures(
+    paths: &str,
+    factor: f64,
+    value_at: impl Fn(&str) -> Option<f64>,
+) -> Option<Vec<String>> {
+    let of = |path| Some(value_at(path)? * factor);
+    let all = paths.split(' ').map(of).collect::<Option<Vec<f64>>>()?;
+    let is_seen = all.iter().any(|x| x.abs() > 5e-4);
+    is_seen.then(|| all.into_iter().map(figure).collect())
 }
 
-fn section(sheet: &mut String, heading: &str, lines: &[Line], listing: &Value) {
-    let known = lines.iter().filter_map(|line| {
-        let all: Vec<String> = figures(line, listing, "")?
-            .into_iter()
-            .map(figure)
-            .collect();
-        Some(format!("  {:34}{} {}", line.0, all.join(" x "), line.2))
+fn section(sheet: &mut String, heading: &str, lines: &[Line], listing: &Value, part: &str) {
+    let shown = at(listing, part).unwrap_or(&Value::Null);
+    let value_at = |path: &str| at(shown, path).or_else(|| at(listing, path))?.as_f64();
+    let known = lines.iter().filter_map(|(label, paths, unit, factor)| {
+        let all = figures(paths, *factor, value_at)?;
+        Some(format!("  {label:34}{} {unit}", all.join(" x ")))
     });
     let known: Vec<String> = known.map(|line| line.trim_end().to_string()).collect();
     if !known.is_empty() {
@@ -247,13 +178,16 @@ fn section(sheet: &mut String, heading: &str, lines: &[Line], listing: &Value) {
 }
 
 fn systems(sheet: &mut String, listing: &Value) {
-    let lines = SYSTEM.iter().filter_map(|line| {
-        let all = ["warp", "weft"].map(|system| figures(line, listing, system));
+    let lines = SYSTEM.iter().filter_map(|(label, part, key, factor)| {
+        let all = ["warp", "weft"].map(|system| {
+            let value_at = |key: &str| at(listing, &format!("{part}.{system}.{key}"))?.as_f64();
+            figures(key, *factor, value_at)
+        });
         if all.iter().all(Option::is_none) {
             return None;
         }
-        let of = |f: &Option<Vec<f64>>| f.as_ref().map_or("-".into(), |f| figure(f[0]));
-        Some(format!("  {:34}{:10}{}", line.0, of(&all[0]), of(&all[1])))
+        let [warp, weft] = all.map(|f| f.map_or("-".into(), |f| f.concat()));
+        Some(format!("  {label:34}{warp:10}{weft}"))
     });
     let lines: Vec<String> = lines.collect();
     if !lines.is_empty() {
@@ -269,23 +203,11 @@ fn systems(sheet: &mut String, listing: &Value) {
 
 /// Yarns with what they are spun from.
 fn yarns(sheet: &mut String, listing: &Value) {
-    let all = |key: &str| {
-        listing
-            .get(key)
-            .and_then(Value::as_array)
-            .cloned()
-            .unwrap_or_default()
-    };
+    let all = |key: &str| listing[key].as_array().cloned().unwrap_or_default();
     let materials = all("materials");
     for (n, yarn) in all("yarns").iter().enumerate() {
         let number = |key: &str| yarn.get(key).and_then(Value::as_f64);
-        let text = |value: &Value, key: &str| {
-            value
-                .get(key)
-                .and_then(Value::as_str)
-                .unwrap_or_default()
-                .to_string()
-        };
+        let text = |value: &Value, key: &str| value[key].as_str().unwrap_or_default().to_string();
         let name = text(yarn, "name");
         if n == 0 {
             sheet.push_str("Yarns\n");
@@ -293,12 +215,8 @@ fn yarns(sheet: &mut String, listing: &Value) {
         if let Some(tex) = number("tex").filter(|tex| *tex > 0.0) {
             // English cotton count: hanks of 840 yards in a pound.
             let count = 590.54 / tex;
-            _ = write!(
-                sheet,
-                "  {name:34}{} tex (Ne {})",
-                figure(tex),
-                figure(count)
-            );
+            let (tex, count) = (figure(tex), figure(count));
+            _ = write!(sheet, "  {name:34}{tex} tex (Ne {count})");
         } else {
             _ = write!(sheet, "  {name:34}");
         }
@@ -315,22 +233,17 @@ fn yarns(sheet: &mut String, listing: &Value) {
                 .filter_map(|c| at(material, &format!("colour.{c}"))?.as_f64())
                 .collect();
             let fibre = text(material, "fibre");
-            _ = write!(
-                sheet,
-                "    {}",
-                if fibre.is_empty() { "fibres" } else { &fibre }
-            );
+            let fibre = if fibre.is_empty() { "fibres" } else { &fibre };
+            _ = write!(sheet, "    {fibre}");
             if let Some(radius) = radius {
                 _ = write!(sheet, " {} um thick", figure(2.0 * radius));
             }
-            if let [r, g, b] = colour[..] {
-                let code = |x: f64| Rgb::srgb8(x as f32);
+            if colour.len() == 3 {
+                let code = |x: &f64| format!("{:02x}", Rgb::srgb8(*x as f32));
                 _ = write!(
                     sheet,
-                    ", dyed #{:02x}{:02x}{:02x}",
-                    code(r),
-                    code(g),
-                    code(b)
+                    ", dyed #{}",
+                    colour.iter().map(code).collect::<String>()
                 );
             }
             sheet.push('\n');

@@ -17,7 +17,7 @@
 //! the module `sharpening` undoes that.
 
 use crate::sharpening::{Means, Sharpened, Sharpening, Square, sharpened, sharpened_pairs};
-use crate::{Exit, MeasureError, PatchResponse, PathNames};
+use crate::{Exit, MeasureError, PatchResponse, PathNames, PathRun};
 use organza_basis::PathRng;
 use organza_surface::table::{MeasuredMatrix, Rings};
 use organza_transport::Stats;
@@ -102,7 +102,7 @@ pub fn measure_node(
         ..NodeSums::default()
     };
     let (mut stats, mut rejected) = (Stats::default(), 0);
-    let way = |rng: &mut PathRng| rings.draw(node, rng);
+    let draw = |rng: &mut PathRng| rings.draw(node, rng);
     let mut found = |exit: Exit| {
         let Some((to, weight)) = exit.escape else {
             return;
@@ -136,7 +136,7 @@ pub fn measure_node(
             stream: NODE_STREAMS + node as u64,
             paths: first..(first + AT_ONCE).min(paths.end),
         };
-        patch.each_exit(&way, &names, &mut stats, &mut found);
+        patch.each_exit(&draw, PathRun::new(&names, &mut stats, &mut found));
     }
     stats.rejected += rejected;
     MeasureError::check(&stats)?;

@@ -8,7 +8,7 @@
 //! that stand out of the noise ([`components`]) are the images of the texture.
 
 use crate::low_rank::components;
-use crate::{Exit, MeasureError, PatchResponse, PathNames};
+use crate::{Exit, MeasureError, PatchResponse, PathNames, PathRun};
 use glam::{Vec2, Vec3};
 use nalgebra::DMatrix;
 use organza_basis::PathRng;
@@ -113,7 +113,8 @@ pub fn measure_texels(
                     .for_each(|(s, v)| *s += f64::from(v * v));
             }
         };
-        patch.each_exit_at(&start, &names, &mut stats, &mut found);
+        let run = PathRun::new(&names, &mut stats, &mut found);
+        patch.each_exit_at(&start, run);
     }
     stats.rejected += rejected;
     MeasureError::check(&stats)?;
@@ -267,7 +268,7 @@ pub fn far_texture(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::PatchResponse;
+    use crate::{DrawNumbered, PatchResponse};
     use organza_basis::Rgb;
     use organza_scatter::Footprint;
     use organza_surface::table::Texture;
@@ -289,40 +290,26 @@ mod tests {
             Rgb::BLACK
         }
 
-        fn estimate_at(&self, _: Vec2, _: Vec3, _: Vec3, _: &mut PathRng, _: &mut Stats) -> Rgb {
-            Rgb::BLACK
-        }
-
         fn estimate_exit(&self, _: Vec3, _: &mut PathRng, _: &mut Stats) -> Exit {
             Exit::default()
         }
 
-        fn each_exit_at(
-            &self,
-            start: &(dyn Fn(u64, &mut PathRng) -> (Vec2, Vec3) + Sync),
-            names: &PathNames,
-            _: &mut Stats,
-            found: &mut dyn FnMut(Exit),
-        ) {
-            for path in names.paths.clone() {
-                let mut rng = names.rng(path);
+        fn each_exit_at(&self, start: &DrawNumbered<'_, (Vec2, Vec3)>, run: PathRun<'_, Exit>) {
+            for path in run.names.paths.clone() {
+                let mut rng = run.names.rng(path);
                 let (place, w) = start(path, &mut rng);
                 let is_left = place.x.rem_euclid(2.0) < 1.0;
                 let is_straight = !is_left && rng.unit() < 0.5;
                 let up = organza_basis::warp::cosine_hemisphere(rng.unit2());
                 let to = Vec3::new(up.x, up.y, up.z.max(1e-4).copysign(w.z));
                 let albedo = if is_left { 0.8 } else { 0.2 };
-                let way = if is_straight { (-w, 1.0) } else { (to, albedo) };
-                found(Exit {
-                    escape: Some((way.0, Rgb::splat(way.1))),
+                let sent = if is_straight { (-w, 1.0) } else { (to, albedo) };
+                (run.found)(Exit {
+                    escape: Some((sent.0, Rgb::splat(sent.1))),
                     is_straight,
                     absorbed: Rgb::BLACK,
                 });
             }
-        }
-
-        fn is_exact(&self) -> bool {
-            false
         }
     }
 

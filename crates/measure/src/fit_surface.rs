@@ -114,16 +114,16 @@ fn descend(
     let problem = Problem::new(start, data);
     let bounds = problem.bounds();
     // After a stop no place has a value, which ends the search at once.
-    let mut go_on = ControlFlow::Continue(());
+    let mut flow = ControlFlow::Continue(());
     let (place, least) = search(&bounds, patience, &mut |place| {
-        if go_on.is_continue() {
-            go_on = watch();
+        if flow.is_continue() {
+            flow = watch();
         }
-        Stopped::check(go_on).ok()?;
+        Stopped::check(flow).ok()?;
         let columns = problem.columns(place).ok()?;
         Some(problem.solve(&columns).1)
     });
-    Stopped::check(go_on)?;
+    Stopped::check(flow)?;
     // Without any place, the error of the start is the most helpful one.
     let columns = problem.columns(&place)?;
     if !least.is_finite() {

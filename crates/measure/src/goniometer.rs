@@ -1,6 +1,6 @@
 //! Means with standard errors: the goniometer itself.
 
-use crate::{Angles, Pair, PatchResponse, PathNames};
+use crate::{Angles, Exit, Pair, PatchResponse, PathNames, PathRun};
 use organza_basis::{Moments, Rgb, Stopped, Watch};
 use organza_transport::Stats;
 use rayon::prelude::*;
@@ -18,6 +18,17 @@ pub struct Effort {
     /// paths and whenever their number has doubled, so that stopping hardly depends on single
     /// paths.
     pub target_error: Option<f64>,
+}
+
+impl Effort {
+    /// So many paths for every pair, whatever the error.
+    pub const fn new(paths: u64, seed: u64) -> Effort {
+        Effort {
+            paths,
+            seed,
+            target_error: None,
+        }
+    }
 }
 
 /// Value and standard error per channel.
@@ -200,7 +211,9 @@ pub(crate) fn gather_pairs(
         &|pair: &Pair| {
             let (w_in, w_out) = (pair.incident.direction(), pair.exitant.direction());
             move |names: &PathNames, stats: &mut Stats, found: &mut dyn FnMut([Rgb; 1])| {
-                patch.each_bsdf((w_in, w_out), names, stats, &mut |value| found([value]));
+                let found = &mut |value| found([value]);
+                let run = PathRun::new(names, stats, found);
+                patch.each_bsdf((w_in, w_out), run);
             }
         },
     )
@@ -264,10 +277,11 @@ pub fn measure_albedo_rows(
         &|from: &Angles| {
             let w = from.direction();
             move |names: &PathNames, stats: &mut Stats, found: &mut dyn FnMut([Rgb; 5])| {
-                patch.each_exit(&|_| w, names, stats, &mut |exit| {
+                let found = &mut |exit: Exit| {
                     let e = exit.energy(w);
                     found([e.reflected, e.transmitted, e.direct, e.absorbed, e.sum()]);
-                });
+                };
+                patch.each_exit(&|_| w, PathRun::new(names, stats, found));
             }
         },
     )
@@ -316,10 +330,7 @@ pub fn measure_openness(
     effort: &Effort,
     watch: Watch<'_>,
 ) -> Result<(f64, f64), MeasureError> {
-    let normal = Angles {
-        theta_deg: 0.0,
-        phi_deg: 0.0,
-    };
+    let normal = Angles::NORMAL;
     let effort = Effort {
         target_error: None,
         ..*effort
@@ -499,23 +510,8 @@ mod tests {
             Rgb::splat((1.0 - rng.unit()).powf(self.0))
         }
 
-        fn estimate_at(
-            &self,
-            _: Vec2,
-            w_in: Vec3,
-            w_out: Vec3,
-            rng: &mut PathRng,
-            stats: &mut Stats,
-        ) -> Rgb {
-            self.estimate_bsdf(w_in, w_out, rng, stats)
-        }
-
-        fn estimate_exit(&self, _: Vec3, _: &mut PathRng, _: &mut Stats) -> crate::Exit {
-            crate::Exit::default()
-        }
-
-        fn is_exact(&self) -> bool {
-            false
+        fn estimate_exit(&self, _: Vec3, _: &mut PathRng, _: &mut Stats) -> Exit {
+            Exit::default()
         }
     }
 
@@ -529,19 +525,12 @@ mod tests {
 
     #[test]
     fn a_stop_ends_measurements_early() {
-        let normal = Angles {
-            theta_deg: 0.0,
-            phi_deg: 0.0,
-        };
+        let normal = Angles::NORMAL;
         let pair = Pair {
             incident: normal,
             exitant: normal,
         };
-        let effort = Effort {
-            paths: 64 * CHUNK,
-            seed: 7,
-            target_error: None,
-        };
+        let effort = Effort::new(64 * CHUNK, 7);
         let grid = TexelGrid {
             low_mm: Vec2::ZERO,
             size_mm: Vec2::ONE,
@@ -582,20 +571,13 @@ mod tests {
     /// more than a quarter of the squares nearly always. To the power of -0.2 it has a variance.
     #[test]
     fn values_without_a_variance_have_heavy_tails() {
-        let normal = Angles {
-            theta_deg: 0.0,
-            phi_deg: 0.0,
-        };
+        let normal = Angles::NORMAL;
         let pairs = [Pair {
             incident: normal,
             exitant: normal,
         }; 64];
         for paths in [1024, 16_384] {
-            let effort = Effort {
-                paths,
-                seed: 7,
-                target_error: None,
-            };
+            let effort = Effort::new(paths, 7);
             let heavy = |power: f32| {
                 let found = measure_pairs(&Powers(power), &pairs, &effort, &unwatched);
                 found.unwrap().heavy_tails

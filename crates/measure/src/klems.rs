@@ -4,11 +4,13 @@
 //! The patch from which a ray arrives and the patch that it reaches unscattered, straight or
 //! mirrored, have the same number. The front is the face of the cloth.
 
-use crate::{Angles, MeasureError, Measured, Pair, PairValue, PatchResponse, PathNames};
+use crate::parts::measure_parts;
+use crate::{
+    Angles, Exit, MeasureError, Measured, Pair, PairValue, PatchResponse, PathNames, PathRun,
+};
 use glam::Vec3;
 use organza_basis::{PathRng, Stopped, Watch};
 use organza_transport::Stats;
-use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// The three bases of WINDOW.
@@ -252,13 +254,7 @@ impl KlemsBsdf {
     pub fn incident(&self, from: usize, front: bool) -> Angles {
         let patches = self.basis.patches();
         let patch = patches.get(from).or(patches.first()).copied();
-        patch.map_or(
-            Angles {
-                theta_deg: 0.0,
-                phi_deg: 0.0,
-            },
-            |p| p.angles(front, Role::From),
-        )
+        patch.map_or(Angles::NORMAL, |p| p.angles(front, Role::From))
     }
 
     /// Every entry as the BSDF between the middles of its patches. Transmission on the diagonal
@@ -323,14 +319,14 @@ pub fn measure_klems(
             stream: KLEMS_STREAMS + k as u64,
             paths: 0..paths,
         };
-        let way = |rng: &mut PathRng| {
+        let draw = |rng: &mut PathRng| {
             let u = rng.unit2().as_dvec2();
             let sin = (low + u.x * (high - low)).sqrt();
             let phi = source.phi_deg + (u.y - 0.5) * source.width_deg;
             direction(sin, phi, front, Role::From)
         };
         let mut rejected = 0;
-        patch.each_exit(&way, &names, &mut stats, &mut |exit| {
+        let mut found = |exit: Exit| {
             let Some((to, weight)) = exit.escape else {
                 return;
             };
@@ -346,20 +342,13 @@ pub fn measure_klems(
                     s[1] += f64::from(v).powi(2);
                 }
             }
-        });
+        };
+        patch.each_exit(&draw, PathRun::new(&names, &mut stats, &mut found));
         stats.rejected += rejected;
         Stopped::check(watch(paths))?;
         Ok((sums, stats))
     };
-    let columns: Vec<_> = (0..2 * n)
-        .into_par_iter()
-        .map(column)
-        .collect::<Result<_, Stopped>>()?;
-    let mut stats = Stats::default();
-    for (_, counts) in &columns {
-        stats.merge(counts);
-    }
-    MeasureError::check(&stats)?;
+    let (columns, stats) = measure_parts(2 * n, column)?;
     let count = paths as f64;
     let matrix = |front: bool, crosses: bool| {
         let mut m = KlemsMatrix::default();
@@ -368,7 +357,7 @@ pub fn measure_klems(
             for from in 0..n {
                 let column = if front { from } else { from + n };
                 let slot = if crosses { to + n } else { to };
-                let sums = columns[column].0[slot];
+                let sums = columns[column][slot];
                 let mean = sums.map(|s| s[0] / count);
                 m.values.push(mean.map(|x| x * scale));
                 m.se.push(std::array::from_fn(|c| {
@@ -392,8 +381,6 @@ pub fn measure_klems(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Exit;
-    use glam::Vec2;
     use organza_basis::{Rgb, unwatched};
     use std::f64::consts::PI;
 
@@ -419,9 +406,6 @@ mod tests {
         fn estimate_bsdf(&self, _: Vec3, _: Vec3, _: &mut PathRng, _: &mut Stats) -> Rgb {
             Rgb::BLACK
         }
-        fn estimate_at(&self, _: Vec2, _: Vec3, _: Vec3, _: &mut PathRng, _: &mut Stats) -> Rgb {
-            Rgb::BLACK
-        }
         fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, _: &mut Stats) -> Exit {
             let straight = rng.unit() < 0.25;
             let to = if straight {
@@ -434,9 +418,6 @@ mod tests {
                 is_straight: straight,
                 absorbed: Rgb::BLACK,
             }
-        }
-        fn is_exact(&self) -> bool {
-            false
         }
     }
 

@@ -21,11 +21,7 @@
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let patch = SurfacePatch(SurfaceSpec::preset("denim")?.build()?);
-//! let effort = Effort {
-//!     paths: 256,
-//!     seed: 1,
-//!     target_error: None,
-//! };
+//! let effort = Effort::new(256, 1);
 //! let pairs = parse_pairs("theta_i,phi_i,theta_o,phi_o\n30,0,45,180\n")?;
 //! let results = measure_pairs(&patch, &pairs, &effort, &unwatched)?;
 //! let bsdf = results.list[0].bsdf;
@@ -56,6 +52,7 @@ mod looks;
 mod low_rank;
 mod metrics;
 mod pairs;
+mod parts;
 mod patch;
 mod picture_error;
 mod picture_match;
@@ -101,7 +98,9 @@ pub use pairs::{
     Angles, Pair, PairsError, PairsErrorKind, distinct_incident, parse_incident, parse_pairs,
     parse_values,
 };
-pub use patch::{Energy, Exit, FirstSight, Look, PatchResponse, PathNames};
+pub use patch::{
+    Draw, DrawNumbered, Energy, Exit, FirstSight, Look, PatchResponse, PathNames, PathRun,
+};
 pub use picture_error::{NoisyPicture, PictureError, picture_error};
 pub use picture_match::{PictureMatch, PictureSearch, PictureStatistics, match_picture};
 pub use picture_moments::{MIN_SIDE, MatchedPicture};

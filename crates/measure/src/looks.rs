@@ -1,10 +1,10 @@
 //! Sums over paths that look straight down on every texel of a tile.
 
-use crate::{Look, MeasureError, PatchResponse, PathNames, TexelGrid};
+use crate::parts::measure_parts;
+use crate::{Look, MeasureError, PatchResponse, PathNames, PathRun, TexelGrid};
 use glam::{UVec2, Vec2};
 use organza_basis::{Rgb, Stopped, Watch};
 use organza_transport::Stats;
-use rayon::prelude::*;
 
 /// What the paths through one texel found, along the normal of the face.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -45,7 +45,8 @@ pub fn gather_looks(
     watch: Watch<'_>,
 ) -> Result<Vec<LookSums>, MeasureError> {
     let texel_mm = grid.size_mm / grid.texels.as_vec2();
-    let row = |y: u32| {
+    let row = |y: usize| {
+        let y = y as u32;
         let mut stats = Stats::default();
         let mut sums = vec![LookSums::default(); grid.texels.x as usize];
         let total = u64::from(grid.texels.x) * u64::from(paths);
@@ -82,22 +83,13 @@ pub fn gather_looks(
                 stream: LOOK_STREAMS + u64::from(y),
                 paths: first..(first + MAX_AT_ONCE).min(total),
             };
-            patch.each_look(&place, &names, &mut stats, &mut found);
+            let run = PathRun::new(&names, &mut stats, &mut found);
+            patch.each_look(&place, run);
         }
         stats.rejected += rejected;
         Stopped::check(watch(total))?;
         Ok((sums, stats))
     };
-    let rows: Vec<_> = (0..grid.texels.y)
-        .into_par_iter()
-        .map(row)
-        .collect::<Result<_, Stopped>>()?;
-    let mut stats = Stats::default();
-    let mut texels = Vec::with_capacity(grid.texels.element_product() as usize);
-    for (sums, counts) in rows {
-        stats.merge(&counts);
-        texels.extend(sums);
-    }
-    MeasureError::check(&stats)?;
-    Ok(texels)
+    let (rows, _) = measure_parts(grid.texels.y as usize, row)?;
+    Ok(rows.concat())
 }

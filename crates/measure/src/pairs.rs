@@ -15,6 +15,12 @@ pub struct Angles {
 }
 
 impl Angles {
+    /// Along the normal of the face.
+    pub const NORMAL: Angles = Angles {
+        theta_deg: 0.0,
+        phi_deg: 0.0,
+    };
+
     /// The unit vector.
     pub fn direction(&self) -> Vec3 {
         let (sin_t, cos_t) = self.theta_deg.to_radians().sin_cos();

@@ -96,6 +96,37 @@ impl PathNames {
     }
 }
 
+/// Draws something for a path with the first random numbers of the path.
+pub type Draw<'a, T> = dyn Fn(&mut PathRng) -> T + Sync + 'a;
+
+/// The same, by the number of the path as well.
+pub type DrawNumbered<'a, T> = dyn Fn(u64, &mut PathRng) -> T + Sync + 'a;
+
+/// Some paths that are traced in order.
+pub struct PathRun<'a, T> {
+    /// Their names.
+    pub names: &'a PathNames,
+    /// Counts, to which those of the paths are added.
+    pub stats: &'a mut Stats,
+    /// Takes what each of them found.
+    pub found: &'a mut dyn FnMut(T),
+}
+
+impl<'a, T> PathRun<'a, T> {
+    /// A run of these paths.
+    pub fn new(
+        names: &'a PathNames,
+        stats: &'a mut Stats,
+        found: &'a mut dyn FnMut(T),
+    ) -> PathRun<'a, T> {
+        PathRun {
+            names,
+            stats,
+            found,
+        }
+    }
+}
+
 /// A patch of cloth, as volume or as surface.
 ///
 /// Directions are unit vectors away from the cloth that do not lie in its
@@ -105,7 +136,8 @@ pub trait PatchResponse: Sync {
     /// straight through.
     fn estimate_bsdf(&self, w_in: Vec3, w_out: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Rgb;
 
-    /// The same at a place of the middle plane of the cloth, mm.
+    /// The same at a place of the middle plane of the cloth, mm; unless said otherwise, the patch is
+    /// the same everywhere.
     fn estimate_at(
         &self,
         place_mm: Vec2,
@@ -113,7 +145,10 @@ pub trait PatchResponse: Sync {
         w_out: Vec3,
         rng: &mut PathRng,
         stats: &mut Stats,
-    ) -> Rgb;
+    ) -> Rgb {
+        let _ = place_mm;
+        self.estimate_bsdf(w_in, w_out, rng, stats)
+    }
 
     /// One path of light that comes from `w`.
     ///
@@ -121,88 +156,63 @@ pub trait PatchResponse: Sync {
     /// under a furnace that fills the sphere.
     fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, stats: &mut Stats) -> Exit;
 
-    /// [`PatchResponse::estimate_bsdf`] of every path, in order.
-    fn each_bsdf(
-        &self,
-        (w_in, w_out): (Vec3, Vec3),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Rgb),
-    ) {
-        for path in names.paths.clone() {
-            found(self.estimate_bsdf(w_in, w_out, &mut names.rng(path), stats));
+    /// [`PatchResponse::estimate_bsdf`] of every path.
+    fn each_bsdf(&self, (w_in, w_out): (Vec3, Vec3), run: PathRun<'_, Rgb>) {
+        for path in run.names.paths.clone() {
+            let mut rng = run.names.rng(path);
+            (run.found)(self.estimate_bsdf(w_in, w_out, &mut rng, run.stats));
         }
     }
 
-    /// [`PatchResponse::estimate_at`] of every path, in order, at the place of the middle plane,
-    /// mm, that `place` draws for it with the first random numbers of the path.
+    /// [`PatchResponse::estimate_at`] of every path, at the place of the middle plane, mm, that
+    /// `place` draws.
     fn each_bsdf_at(
         &self,
-        place: &(dyn Fn(&mut PathRng) -> Vec2 + Sync),
+        place: &Draw<'_, Vec2>,
         (w_in, w_out): (Vec3, Vec3),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Rgb),
+        run: PathRun<'_, Rgb>,
     ) {
-        for path in names.paths.clone() {
-            let mut rng = names.rng(path);
+        for path in run.names.paths.clone() {
+            let mut rng = run.names.rng(path);
             let place_mm = place(&mut rng);
-            found(self.estimate_at(place_mm, w_in, w_out, &mut rng, stats));
+            (run.found)(self.estimate_at(place_mm, w_in, w_out, &mut rng, run.stats));
         }
     }
 
-    /// [`PatchResponse::estimate_exit`] of every path, in order, from the
-    /// direction that `way` draws for it with the first random numbers of the path.
-    fn each_exit(
-        &self,
-        way: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Exit),
-    ) {
-        for path in names.paths.clone() {
-            let mut rng = names.rng(path);
-            let w = way(&mut rng);
-            found(self.estimate_exit(w, &mut rng, stats));
+    /// [`PatchResponse::estimate_exit`] of every path, from the direction that `from` draws.
+    fn each_exit(&self, from: &Draw<'_, Vec3>, run: PathRun<'_, Exit>) {
+        for path in run.names.paths.clone() {
+            let mut rng = run.names.rng(path);
+            let w = from(&mut rng);
+            (run.found)(self.estimate_exit(w, &mut rng, run.stats));
         }
     }
 
-    /// [`PatchResponse::estimate_exit`] of every path, in order, through the place of the middle
-    /// plane of the cloth, mm, and from the direction that `start` draws for it with the first
-    /// random numbers of the path. A patch without geometry ignores the place.
-    fn each_exit_at(
-        &self,
-        start: &(dyn Fn(u64, &mut PathRng) -> (Vec2, Vec3) + Sync),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Exit),
-    ) {
-        for path in names.paths.clone() {
-            let mut rng = names.rng(path);
+    /// [`PatchResponse::estimate_exit`] of every path, through the place of the middle plane of the
+    /// cloth, mm, and from the direction that `start` draws. A patch without geometry ignores the
+    /// place.
+    fn each_exit_at(&self, start: &DrawNumbered<'_, (Vec2, Vec3)>, run: PathRun<'_, Exit>) {
+        for path in run.names.paths.clone() {
+            let mut rng = run.names.rng(path);
             let (_, w) = start(path, &mut rng);
-            found(self.estimate_exit(w, &mut rng, stats));
+            (run.found)(self.estimate_exit(w, &mut rng, run.stats));
         }
     }
 
-    /// One path of every number, in order, that looks down on the face along its normal at
-    /// the place of the middle plane, mm, that `place` draws for it. A patch without geometry
-    /// finds nothing.
-    fn each_look(
-        &self,
-        place: &(dyn Fn(u64, &mut PathRng) -> Vec2 + Sync),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Look),
-    ) {
-        let _ = (place, stats);
-        for _ in names.paths.clone() {
-            found(Look::default());
+    /// Every path looks down on the face along its normal at the place of the middle plane, mm, that
+    /// `place` draws. A patch without geometry finds nothing.
+    fn each_look(&self, place: &DrawNumbered<'_, Vec2>, run: PathRun<'_, Look>) {
+        let _ = place;
+        for _ in run.names.paths.clone() {
+            (run.found)(Look::default());
         }
     }
 
     /// True when [`estimate_bsdf`](Self::estimate_bsdf) uses no random numbers:
     /// one estimate is the value.
-    fn is_exact(&self) -> bool;
+    fn is_exact(&self) -> bool {
+        false
+    }
 }
 
 impl<P: PatchResponse + ?Sized> PatchResponse for Box<P>
@@ -228,55 +238,29 @@ where
         (**self).estimate_exit(w, rng, stats)
     }
 
-    fn each_bsdf(
-        &self,
-        ways: (Vec3, Vec3),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Rgb),
-    ) {
-        (**self).each_bsdf(ways, names, stats, found);
+    fn each_bsdf(&self, directions: (Vec3, Vec3), run: PathRun<'_, Rgb>) {
+        (**self).each_bsdf(directions, run);
     }
 
     fn each_bsdf_at(
         &self,
-        place: &(dyn Fn(&mut PathRng) -> Vec2 + Sync),
-        ways: (Vec3, Vec3),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Rgb),
+        place: &Draw<'_, Vec2>,
+        directions: (Vec3, Vec3),
+        run: PathRun<'_, Rgb>,
     ) {
-        (**self).each_bsdf_at(place, ways, names, stats, found);
+        (**self).each_bsdf_at(place, directions, run);
     }
 
-    fn each_exit(
-        &self,
-        way: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Exit),
-    ) {
-        (**self).each_exit(way, names, stats, found);
+    fn each_exit(&self, from: &Draw<'_, Vec3>, run: PathRun<'_, Exit>) {
+        (**self).each_exit(from, run);
     }
 
-    fn each_exit_at(
-        &self,
-        start: &(dyn Fn(u64, &mut PathRng) -> (Vec2, Vec3) + Sync),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Exit),
-    ) {
-        (**self).each_exit_at(start, names, stats, found);
+    fn each_exit_at(&self, start: &DrawNumbered<'_, (Vec2, Vec3)>, run: PathRun<'_, Exit>) {
+        (**self).each_exit_at(start, run);
     }
 
-    fn each_look(
-        &self,
-        place: &(dyn Fn(u64, &mut PathRng) -> Vec2 + Sync),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Look),
-    ) {
-        (**self).each_look(place, names, stats, found);
+    fn each_look(&self, place: &DrawNumbered<'_, Vec2>, run: PathRun<'_, Look>) {
+        (**self).each_look(place, run);
     }
 
     fn is_exact(&self) -> bool {

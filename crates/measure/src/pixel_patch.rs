@@ -1,6 +1,6 @@
 //! A part of a patch that a pixel covers.
 
-use crate::{Exit, PatchResponse, PathNames};
+use crate::{Exit, PatchResponse, PathRun};
 use glam::{Vec2, Vec3};
 use organza_basis::{PathRng, Rgb};
 use organza_transport::Stats;
@@ -43,18 +43,8 @@ impl<P: PatchResponse> PatchResponse for PixelPatch<'_, P> {
         self.patch.estimate_exit(w, rng, stats)
     }
 
-    fn each_bsdf(
-        &self,
-        ways: (Vec3, Vec3),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Rgb),
-    ) {
+    fn each_bsdf(&self, directions: (Vec3, Vec3), run: PathRun<'_, Rgb>) {
         let place = |rng: &mut PathRng| self.place_mm(rng);
-        self.patch.each_bsdf_at(&place, ways, names, stats, found);
-    }
-
-    fn is_exact(&self) -> bool {
-        false
+        self.patch.each_bsdf_at(&place, directions, run);
     }
 }

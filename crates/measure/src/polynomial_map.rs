@@ -123,10 +123,7 @@ pub fn measure_polynomial_map(
     let count = grid.texels.element_product();
     let mut fits = vec![[Fit::default(); 3]; count as usize];
     for (k, &incident) in lamps.iter().enumerate() {
-        let exitant = Angles {
-            theta_deg: 0.0,
-            phi_deg: 0.0,
-        };
+        let exitant = Angles::NORMAL;
         let pair = Pair { incident, exitant };
         // Each lamp has random numbers of its own, so that the fit averages their noise.
         let seed = effort.seed.wrapping_add((k as u64) << 32);

@@ -3,7 +3,7 @@
 
 use crate::goniometer::gather;
 use crate::klems_file::XYZ_FROM_RGB;
-use crate::{Effort, MeasureError, Measured, PatchResponse, PathNames};
+use crate::{Effort, Exit, MeasureError, Measured, PatchResponse, PathNames, PathRun};
 use glam::{DVec3, Vec3};
 use organza_basis::{Moments, PathRng, Rgb, Watch};
 use organza_transport::Stats;
@@ -96,7 +96,7 @@ pub fn measure_sides(
         &enough,
         watch,
         &|&(side, sin_squared): &(f32, f32)| {
-            let way = move |rng: &mut PathRng| {
+            let draw = move |rng: &mut PathRng| {
                 let u = rng.unit2();
                 let squared = sin_squared * u.x;
                 let (y, x) = (std::f32::consts::TAU * u.y).sin_cos();
@@ -104,11 +104,12 @@ pub fn measure_sides(
                 Vec3::new(sin * x, sin * y, side * (1.0 - squared).max(1e-12).sqrt())
             };
             move |names: &PathNames, stats: &mut Stats, found: &mut dyn FnMut([Rgb; 4])| {
-                patch.each_exit(&way, names, stats, &mut |exit| {
+                let found = &mut |exit: Exit| {
                     let e = exit.energy(Vec3::new(0.0, 0.0, side));
                     let through = e.direct + e.transmitted;
                     found([e.direct, e.transmitted, through, e.reflected].map(seen));
-                });
+                };
+                patch.each_exit(&draw, PathRun::new(names, stats, found));
             }
         },
     )?;
@@ -161,8 +162,7 @@ fn luminance(value: Rgb) -> Rgb {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Exit, SolarPatch};
-    use glam::Vec2;
+    use crate::SolarPatch;
     use organza_basis::unwatched;
 
     /// Cloth of which a share is holes; the rest reflects or transmits, half by half, a colour.
@@ -174,16 +174,6 @@ mod tests {
     impl PatchResponse for Cloth {
         fn estimate_bsdf(&self, _: Vec3, _: Vec3, _: &mut PathRng, _: &mut Stats) -> Rgb {
             self.colour
-        }
-        fn estimate_at(
-            &self,
-            _: Vec2,
-            w_in: Vec3,
-            w_out: Vec3,
-            rng: &mut PathRng,
-            stats: &mut Stats,
-        ) -> Rgb {
-            self.estimate_bsdf(w_in, w_out, rng, stats)
         }
         fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, _: &mut Stats) -> Exit {
             let u = rng.unit();
@@ -200,16 +190,9 @@ mod tests {
                 absorbed: Rgb::WHITE - value,
             }
         }
-        fn is_exact(&self) -> bool {
-            false
-        }
     }
 
-    const EFFORT: Effort = Effort {
-        paths: 1 << 16,
-        seed: 3,
-        target_error: None,
-    };
+    const EFFORT: Effort = Effort::new(1 << 16, 3);
 
     fn near(found: Share, expected: f64) {
         let off = (found.value - expected).abs();
@@ -256,8 +239,12 @@ mod tests {
                     stream: 0,
                     paths: part * paths..(part + 1) * paths,
                 };
-                let mut add = |v: Rgb| moments.add(f64::from(v.0.x));
-                patch.each_bsdf((Vec3::Z, Vec3::Z), &names, &mut Stats::default(), &mut add);
+                let run = PathRun {
+                    names: &names,
+                    stats: &mut Stats::default(),
+                    found: &mut |v: Rgb| moments.add(f64::from(v.0.x)),
+                };
+                patch.each_bsdf((Vec3::Z, Vec3::Z), run);
             }
             let (value, se) = (moments.mean, moments.standard_error());
             let off = (value - expected).abs();

@@ -32,9 +32,9 @@ impl ShadeClasses {
     pub fn of(visible: &ShadeFigures) -> ShadeClasses {
         let (beam, scattered) = (visible.normal_normal, visible.normal_diffuse);
         let class = |of: fn(f64, f64) -> u8| {
-            let ways = [(-2.0, -2.0), (-2.0, 2.0), (2.0, -2.0), (2.0, 2.0)];
-            let near =
-                ways.map(|(a, b)| of(beam.value + a * beam.se, scattered.value + b * scattered.se));
+            let corners = [(-2.0, -2.0), (-2.0, 2.0), (2.0, -2.0), (2.0, 2.0)];
+            let near = corners
+                .map(|(a, b)| of(beam.value + a * beam.se, scattered.value + b * scattered.se));
             let own = of(beam.value, scattered.value);
             ShadeClass {
                 class: own,

@@ -1,6 +1,6 @@
 //! A patch under the whole of the sun's radiation, from what it does to two parts of it.
 
-use crate::{Exit, Look, PatchResponse, PathNames};
+use crate::{Draw, DrawNumbered, Exit, Look, PatchResponse, PathNames, PathRun};
 use glam::{Vec2, Vec3};
 use organza_basis::{PathRng, Rgb, mix64};
 use organza_transport::Stats;
@@ -46,20 +46,30 @@ impl<P: PatchResponse> SolarPatch<P> {
         self.drawn((bits >> 11) as f64 / (1u64 << 53) as f64)
     }
 
-    /// Calls `walk` for parts of the paths: a patch, its paths, and by how much more each of them
-    /// counts than its share says. A single path is drawn.
-    fn parts(&self, names: &PathNames, mut walk: impl FnMut(&P, &PathNames, f32)) {
-        let Range { start, end } = names.paths.clone();
+    /// Traces parts of the paths by a patch each. What they find is `seen` with the factor by which
+    /// each path counts more than its share says. A single path is drawn.
+    fn parts<T>(
+        &self,
+        run: PathRun<'_, T>,
+        trace: impl Fn(&P, PathRun<'_, T>),
+        seen: impl Fn(T, f32) -> T,
+    ) {
+        let Range { start, end } = run.names.paths.clone();
         let count = end.saturating_sub(start);
         let mut part = |patch: &P, paths: Range<u64>, weight: f64| {
             let names = PathNames {
                 paths,
-                ..names.clone()
+                ..run.names.clone()
             };
-            walk(patch, &names, weight as f32);
+            let part = PathRun {
+                names: &names,
+                stats: run.stats,
+                found: &mut |found| (run.found)(seen(found, weight as f32)),
+            };
+            trace(patch, part);
         };
         if count < 2 {
-            part(self.of_path(names, start), start..end, 1.0);
+            part(self.of_path(run.names, start), start..end, 1.0);
             return;
         }
         let nir = (self.nir_share * count as f64).round() as u64;
@@ -75,14 +85,24 @@ impl<P: PatchResponse> SolarPatch<P> {
         );
     }
 
-    /// Calls `walk` for every path with the patch that is drawn for it.
-    fn each(&self, names: &PathNames, mut walk: impl FnMut(&P, &PathNames)) {
-        for path in names.paths.clone() {
-            let one = PathNames {
+    /// Traces every path by the patch that is drawn for it.
+    fn each<T>(
+        &self,
+        run: PathRun<'_, T>,
+        trace: impl Fn(&P, PathRun<'_, T>),
+        seen: impl Fn(T, f32) -> T,
+    ) {
+        for path in run.names.paths.clone() {
+            let names = PathNames {
                 paths: path..path + 1,
-                ..names.clone()
+                ..run.names.clone()
             };
-            walk(self.of_path(names, path), &one);
+            let one = PathRun {
+                names: &names,
+                stats: run.stats,
+                found: &mut |found| (run.found)(seen(found, 1.0)),
+            };
+            trace(self.of_path(run.names, path), one);
         }
     }
 }
@@ -110,74 +130,36 @@ impl<P: PatchResponse> PatchResponse for SolarPatch<P> {
         grey_exit(patch.estimate_exit(w, rng, stats), 1.0)
     }
 
-    fn each_bsdf(
-        &self,
-        ways: (Vec3, Vec3),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Rgb),
-    ) {
-        self.parts(names, |patch, names, weight| {
-            patch.each_bsdf(ways, names, stats, &mut |v| found(grey(v, weight)));
-        });
+    fn each_bsdf(&self, directions: (Vec3, Vec3), run: PathRun<'_, Rgb>) {
+        self.parts(run, |patch, run| patch.each_bsdf(directions, run), grey);
     }
 
     fn each_bsdf_at(
         &self,
-        place: &(dyn Fn(&mut PathRng) -> Vec2 + Sync),
-        ways: (Vec3, Vec3),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Rgb),
+        place: &Draw<'_, Vec2>,
+        directions: (Vec3, Vec3),
+        run: PathRun<'_, Rgb>,
     ) {
-        self.each(names, |patch, names| {
-            patch.each_bsdf_at(place, ways, names, stats, &mut |v| found(grey(v, 1.0)));
-        });
+        self.each(
+            run,
+            |patch, run| patch.each_bsdf_at(place, directions, run),
+            grey,
+        );
     }
 
-    fn each_exit(
-        &self,
-        way: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Exit),
-    ) {
-        self.parts(names, |patch, names, weight| {
-            patch.each_exit(way, names, stats, &mut |e| found(grey_exit(e, weight)));
-        });
+    fn each_exit(&self, from: &Draw<'_, Vec3>, run: PathRun<'_, Exit>) {
+        self.parts(run, |patch, run| patch.each_exit(from, run), grey_exit);
     }
 
-    fn each_exit_at(
-        &self,
-        start: &(dyn Fn(u64, &mut PathRng) -> (Vec2, Vec3) + Sync),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Exit),
-    ) {
-        self.each(names, |patch, names| {
-            patch.each_exit_at(start, names, stats, &mut |e| found(grey_exit(e, 1.0)));
-        });
+    fn each_exit_at(&self, start: &DrawNumbered<'_, (Vec2, Vec3)>, run: PathRun<'_, Exit>) {
+        self.each(run, |patch, run| patch.each_exit_at(start, run), grey_exit);
     }
 
-    fn each_look(
-        &self,
-        place: &(dyn Fn(u64, &mut PathRng) -> Vec2 + Sync),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Look),
-    ) {
-        self.each(names, |patch, names| {
-            patch.each_look(place, names, stats, &mut |look| {
-                found(Look {
-                    exit: grey_exit(look.exit, 1.0),
-                    ..look
-                });
-            });
-        });
-    }
-
-    /// Which part of the radiation a single estimate is of is drawn.
-    fn is_exact(&self) -> bool {
-        false
+    fn each_look(&self, place: &DrawNumbered<'_, Vec2>, run: PathRun<'_, Look>) {
+        let seen = |look: Look, weight| Look {
+            exit: grey_exit(look.exit, weight),
+            ..look
+        };
+        self.each(run, |patch, run| patch.each_look(place, run), seen);
     }
 }

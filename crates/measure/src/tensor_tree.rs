@@ -7,11 +7,11 @@
 //! face of the cloth is the front of the file. Light that passes straight through is in the
 //! cell that it reaches.
 
-use crate::{MeasureError, PatchResponse, PathNames};
+use crate::parts::measure_parts;
+use crate::{Exit, MeasureError, PatchResponse, PathNames, PathRun};
 use glam::{DVec2, Vec3};
 use organza_basis::{PathRng, Stopped, Watch, warp};
 use organza_transport::Stats;
-use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 /// Number of dimensions of a tree.
@@ -226,11 +226,11 @@ pub fn measure_tensor_tree(
             stream: TREE_STREAMS + k as u64,
             paths: 0..paths,
         };
-        let way = |rng: &mut PathRng| layout.draw(cell, front, rng);
+        let draw = |rng: &mut PathRng| layout.draw(cell, front, rng);
         // The exit of a path is found from the direction that the path drew.
         let (mut rejected, mut path) = (0, 0);
-        patch.each_exit(&way, &names, &mut stats, &mut |exit| {
-            let w_in = way(&mut names.rng(path));
+        let mut found = |exit: Exit| {
+            let w_in = draw(&mut names.rng(path));
             path += 1;
             let Some((to, weight)) = exit.escape else {
                 return;
@@ -248,7 +248,8 @@ pub fn measure_tensor_tree(
                 }
                 slot[3] += (channels.iter().sum::<f64>() / 3.0).powi(2);
             }
-        });
+        };
+        patch.each_exit(&draw, PathRun::new(&names, &mut stats, &mut found));
         stats.rejected += rejected;
         Stopped::check(watch(paths))?;
         let count = paths as f64;
@@ -264,21 +265,13 @@ pub fn measure_tensor_tree(
         let cells: Vec<TreeCell> = sums.into_iter().map(cell).collect();
         Ok((cells, stats))
     };
-    let columns: Vec<_> = (0..2 * incident)
-        .into_par_iter()
-        .map(column)
-        .collect::<Result<_, Stopped>>()?;
-    let mut stats = Stats::default();
-    for (_, counts) in &columns {
-        stats.merge(counts);
-    }
-    MeasureError::check(&stats)?;
+    let (columns, stats) = measure_parts(2 * incident, column)?;
     let mut tree = TensorTree {
         layout,
         transmission: [Vec::new(), Vec::new()],
         reflection: [Vec::new(), Vec::new()],
     };
-    for (k, (cells, _)) in columns.into_iter().enumerate() {
+    for (k, cells) in columns.into_iter().enumerate() {
         let side = k / incident;
         let (reflected, transmitted) = cells.split_at(exitant);
         tree.reflection[side].extend_from_slice(reflected);

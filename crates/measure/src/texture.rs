@@ -1,10 +1,10 @@
 //! Pictures of a patch: one value per texel for a pair of directions.
 
+use crate::parts::measure_parts;
 use crate::{MeasureError, Pair, PatchResponse};
 use glam::{UVec2, Vec2};
 use organza_basis::{Moments, PathRng, Stopped, Watch};
 use organza_transport::Stats;
-use rayon::prelude::*;
 
 /// The positions of the texels in the middle plane of the cloth.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,7 +50,8 @@ pub fn measure_texture(
     }
     let (w_in, w_out) = (pair.incident.direction(), pair.exitant.direction());
     let texel_mm = grid.size_mm / grid.texels.as_vec2();
-    let row = |y: u32| {
+    let row = |y: usize| {
+        let y = y as u32;
         let mut stats = Stats::default();
         let mut list = Vec::with_capacity(grid.texels.x as usize);
         for x in 0..grid.texels.x {
@@ -74,17 +75,13 @@ pub fn measure_texture(
         Stopped::check(watch(paths * u64::from(grid.texels.x)))?;
         Ok((list, stats))
     };
-    let rows: Vec<_> = (0..grid.texels.y)
-        .into_par_iter()
-        .map(row)
-        .collect::<Result<_, Stopped>>()?;
-    let mut stats = Stats::default();
-    let (mut mean, mut se) = (Vec::new(), Vec::new());
-    for (list, counts) in rows {
-        stats.merge(&counts);
-        mean.extend(list.iter().map(|m| m.map(|c| c.mean as f32)));
-        se.extend(list.iter().map(|m| m.map(|c| c.standard_error() as f32)));
-    }
-    MeasureError::check(&stats)?;
-    Ok(Texture { pair, mean, se })
+    let (rows, _) = measure_parts(grid.texels.y as usize, row)?;
+    let texels = || rows.iter().flatten();
+    Ok(Texture {
+        pair,
+        mean: texels().map(|m| m.map(|c| c.mean as f32)).collect(),
+        se: texels()
+            .map(|m| m.map(|c| c.standard_error() as f32))
+            .collect(),
+    })
 }

@@ -1,6 +1,6 @@
 //! A patch of media, measured by paths that start all over it.
 
-use crate::{Exit, FirstSight, Look, PatchResponse, PathNames};
+use crate::{Draw, DrawNumbered, Exit, FirstSight, Look, PatchResponse, PathRun};
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use organza_basis::{Aabb, PathRng, Rgb};
 use organza_transport::{
@@ -139,21 +139,21 @@ impl VolumePatch {
         (place_mm + w.truncate() * (face / w.z)).extend(face)
     }
 
-    /// Every path, in order, that is seen from a direction at a point, mm, as `start` draws both
-    /// with the first random numbers of the path.
-    fn each_path(
+    /// What `of` makes of every path, which is seen from a direction at a point, mm, as `start` draws
+    /// both.
+    fn each_path<T>(
         &self,
-        start: &(dyn Fn(u64, &mut PathRng) -> (Vec3, Vec3) + Sync),
+        start: &DrawNumbered<'_, (Vec3, Vec3)>,
         lights: &[Light],
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(&PathSample),
+        run: PathRun<'_, T>,
+        of: impl Fn(&PathSample) -> T,
     ) {
+        let names = run.names;
         let Some(probe) = &self.fibres else {
             for path in names.paths.clone() {
                 let mut rng = names.rng(path);
                 let (from, w) = start(path, &mut rng);
-                found(&self.trace(from, w, lights, &mut rng, stats));
+                (run.found)(of(&self.trace(from, w, lights, &mut rng, run.stats)));
             }
             return;
         };
@@ -168,8 +168,8 @@ impl VolumePatch {
             paths: names.paths.clone(),
             start: &start,
         });
-        stats.merge(&counts);
-        samples.iter().for_each(found);
+        run.stats.merge(&counts);
+        samples.iter().map(of).for_each(run.found);
     }
 
     /// A path seen from `w` at a point.
@@ -226,84 +226,52 @@ impl PatchResponse for VolumePatch {
         exit_of(&path)
     }
 
-    fn each_bsdf(
-        &self,
-        (w_in, w_out): (Vec3, Vec3),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Rgb),
-    ) {
+    fn each_bsdf(&self, (w_in, w_out): (Vec3, Vec3), run: PathRun<'_, Rgb>) {
         let start = |_: u64, rng: &mut PathRng| (self.start_mm(w_out, rng), w_out);
-        self.each_path(&start, &[beam(w_in)], names, stats, &mut |path| {
-            found(path.radiance / w_in.z.abs());
+        self.each_path(&start, &[beam(w_in)], run, |path| {
+            path.radiance / w_in.z.abs()
         });
     }
 
     fn each_bsdf_at(
         &self,
-        place: &(dyn Fn(&mut PathRng) -> Vec2 + Sync),
+        place: &Draw<'_, Vec2>,
         (w_in, w_out): (Vec3, Vec3),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Rgb),
+        run: PathRun<'_, Rgb>,
     ) {
         let start = |_: u64, rng: &mut PathRng| (self.above_mm(place(rng), w_out), w_out);
-        self.each_path(&start, &[beam(w_in)], names, stats, &mut |path| {
-            found(path.radiance / w_in.z.abs());
+        self.each_path(&start, &[beam(w_in)], run, |path| {
+            path.radiance / w_in.z.abs()
         });
     }
 
-    fn each_exit(
-        &self,
-        way: &(dyn Fn(&mut PathRng) -> Vec3 + Sync),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Exit),
-    ) {
+    fn each_exit(&self, from: &Draw<'_, Vec3>, run: PathRun<'_, Exit>) {
         let start = |_: u64, rng: &mut PathRng| {
-            let w = way(rng);
+            let w = from(rng);
             (self.start_mm(w, rng), w)
         };
-        self.each_path(&start, &[], names, stats, &mut |path| found(exit_of(path)));
+        self.each_path(&start, &[], run, exit_of);
     }
 
-    fn each_exit_at(
-        &self,
-        start: &(dyn Fn(u64, &mut PathRng) -> (Vec2, Vec3) + Sync),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Exit),
-    ) {
+    fn each_exit_at(&self, start: &DrawNumbered<'_, (Vec2, Vec3)>, run: PathRun<'_, Exit>) {
         let start = |path: u64, rng: &mut PathRng| {
             let (place_mm, w) = start(path, rng);
             (self.above_mm(place_mm, w), w)
         };
-        self.each_path(&start, &[], names, stats, &mut |path| found(exit_of(path)));
+        self.each_path(&start, &[], run, exit_of);
     }
 
-    fn each_look(
-        &self,
-        place: &(dyn Fn(u64, &mut PathRng) -> Vec2 + Sync),
-        names: &PathNames,
-        stats: &mut Stats,
-        found: &mut dyn FnMut(Look),
-    ) {
+    fn each_look(&self, place: &DrawNumbered<'_, Vec2>, run: PathRun<'_, Look>) {
         let face_mm = self.face_mm(Vec3::Z);
         let start = |path: u64, rng: &mut PathRng| (place(path, rng).extend(face_mm), Vec3::Z);
-        self.each_path(&start, &[], names, stats, &mut |path| {
-            found(Look {
-                exit: exit_of(path),
-                first: path.first.map(|event| FirstSight {
-                    axis: event.info.axis,
-                    height_mm: (f64::from(face_mm) - event.depth_mm) as f32,
-                }),
-                events: path.bounces,
-            });
+        self.each_path(&start, &[], run, |path| Look {
+            exit: exit_of(path),
+            first: path.first.map(|event| FirstSight {
+                axis: event.info.axis,
+                height_mm: (f64::from(face_mm) - event.depth_mm) as f32,
+            }),
+            events: path.bounces,
         });
-    }
-
-    fn is_exact(&self) -> bool {
-        false
     }
 }
 

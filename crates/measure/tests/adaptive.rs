@@ -163,11 +163,7 @@ fn an_adaptive_table_holds_the_planted_brdf() {
         azimuths: 32,
         side: 24,
     };
-    let effort = Effort {
-        paths: 2,
-        seed: 1,
-        target_error: None,
-    };
+    let effort = Effort::new(2, 1);
     let result = measure_adaptive(&Planted, grid, &effort, &unwatched).unwrap();
     let mut bytes = Vec::new();
     write_adaptive(&result.brdf, "planted", &mut bytes).unwrap();

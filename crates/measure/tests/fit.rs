@@ -42,11 +42,7 @@ const NOISE: f64 = 0.02;
 
 fn data() -> Vec<PairValue> {
     let model = SurfaceSpec::from_toml(PLANTED).unwrap().build().unwrap();
-    let effort = Effort {
-        paths: 2,
-        seed: 1,
-        target_error: None,
-    };
+    let effort = Effort::new(2, 1);
     let pairs = grid_layout(3, 8);
     let pairs: Vec<_> = pairs
         .into_iter()

@@ -53,10 +53,6 @@ impl PatchResponse for Sheet {
     fn estimate_exit(&self, _: Vec3, _: &mut PathRng, _: &mut Stats) -> Exit {
         unreachable!("maps ask for no exits")
     }
-
-    fn is_exact(&self) -> bool {
-        false
-    }
 }
 
 const GRID: TexelGrid = TexelGrid {

@@ -34,11 +34,7 @@ fn slab(integrator: Integrator) -> VolumePatch {
 }
 
 fn effort(paths: u64, seed: u64) -> Effort {
-    Effort {
-        paths,
-        seed,
-        target_error: None,
-    }
+    Effort::new(paths, seed)
 }
 
 fn angles(theta_deg: f64, phi_deg: f64) -> Angles {
@@ -75,9 +71,6 @@ impl PatchResponse for ForgottenCosine {
             absorbed: Rgb::BLACK,
             ..self.0.estimate_exit(w, rng, stats)
         }
-    }
-    fn is_exact(&self) -> bool {
-        false
     }
 }
 

@@ -18,11 +18,7 @@ concentration = 8.0
 "#;
 
 fn effort(paths: u64) -> Effort {
-    Effort {
-        paths,
-        seed: 2,
-        target_error: None,
-    }
+    Effort::new(paths, 2)
 }
 
 #[test]

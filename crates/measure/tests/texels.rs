@@ -2,8 +2,8 @@
 use glam::{UVec2, Vec2, Vec3};
 use organza_basis::{PathRng, Rgb, unwatched};
 use organza_measure::{
-    Angles, Exit, FirstSight, Look, Pair, PatchResponse, PathNames, TexelGrid, gather_looks,
-    measure_texture,
+    Angles, DrawNumbered, Exit, FirstSight, Look, Pair, PatchResponse, PathRun, TexelGrid,
+    gather_looks, measure_texture,
 };
 use organza_transport::Stats;
 
@@ -48,17 +48,11 @@ impl PatchResponse for Painted {
         unreachable!("texels ask at places")
     }
 
-    fn each_look(
-        &self,
-        place: &(dyn Fn(u64, &mut PathRng) -> Vec2 + Sync),
-        names: &PathNames,
-        _: &mut Stats,
-        found: &mut dyn FnMut(Look),
-    ) {
-        for path in names.paths.clone() {
-            let mut rng = names.rng(path);
+    fn each_look(&self, place: &DrawNumbered<'_, Vec2>, run: PathRun<'_, Look>) {
+        for path in run.names.paths.clone() {
+            let mut rng = run.names.rng(path);
             let place_mm = place(path, &mut rng);
-            found(Look {
+            (run.found)(Look {
                 exit: Exit {
                     escape: Some((Vec3::Z, Rgb::WHITE)),
                     ..Exit::default()
@@ -70,10 +64,6 @@ impl PatchResponse for Painted {
                 events: 1,
             });
         }
-    }
-
-    fn is_exact(&self) -> bool {
-        false
     }
 }
 

@@ -1,10 +1,9 @@
 //! OpenEXR pictures: linear `f32` with variance and AOVs, and the exact sums
 //! of a render, from which parts are merged.
 
-use crate::decoder;
 use crate::format::{Format, Reader, WriteSeek, check_memory};
 use crate::picture::{Layers, Picture, Rendered};
-use crate::{Attributes, PictureError};
+use crate::{Attributes, PictureError, decoder};
 use exr::meta::{MetaData, header::Header};
 use exr::prelude::{
     AnyChannel, AnyChannels, ChannelDescription, Encoding, FlatSamples, Image, Layer,

@@ -1,9 +1,8 @@
 //! PNG pictures: sRGB of 8 or 16 bits, tone-mapped when a render is written.
 
-use crate::decoder;
 use crate::format::{Format, Reader, WriteSeek};
 use crate::picture::{Picture, Rendered};
-use crate::{Display, PictureError, PngBits};
+use crate::{Display, PictureError, PngBits, decoder};
 use glam::UVec2;
 use image::ImageFormat;
 use organza_basis::Rgb;

@@ -1,10 +1,9 @@
 //! TIFF pictures: linear `f32` colours, for programs that do not read OpenEXR; sRGB of 8 or 16 bits
 //! is read, too.
 
-use crate::PictureError;
-use crate::decoder;
 use crate::format::{Format, Reader, WriteSeek};
 use crate::picture::Rendered;
+use crate::{PictureError, decoder};
 use image::codecs::tiff::TiffEncoder;
 use image::{ExtendedColorType, ImageEncoder, ImageFormat};
 

@@ -17,11 +17,7 @@ fn measured(plan: &ComparisonPlan, name: &str) -> Measurement {
 fn plan() -> ComparisonPlan {
     ComparisonPlan {
         layout: irawan_layout(),
-        effort: Effort {
-            paths: 2,
-            seed: 1,
-            target_error: None,
-        },
+        effort: Effort::new(2, 1),
         grid: TexelGrid {
             low_mm: Vec2::ZERO,
             size_mm: Vec2::ONE,

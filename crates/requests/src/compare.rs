@@ -7,19 +7,16 @@ use organza_report::comparison::{Comparison, ComparisonPlan, Measurement, judge}
 use organza_scene::fabric_file;
 use organza_scene::patches::{AnyPatch, PatchModel, fabric_patch, texel_grid};
 use organza_scene::representation::{EXPLICIT_FIBRES, Representation, SURFACE, ShownAs, TABLE};
-use organza_work::Job;
 use organza_work::building::watched;
-use organza_work::keys;
 use organza_work::output_folder::write_folder;
 use organza_work::patch_model::patch_model;
 use organza_work::values::{
     parse_level, parse_micrometres, parse_paths, parse_seed, parse_share, whole,
 };
 use organza_work::{
-    Context, Error, InputError, Progress, Results, Waiting, measured_values, of_file, of_option,
-    output,
+    Context, Error, InputError, Job, Output, PlaceKind, Progress, Request, Results, Waiting, keys,
+    measured_values, of_file, of_option, output,
 };
-use organza_work::{Output, PlaceKind, Request};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

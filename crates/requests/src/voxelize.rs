@@ -8,13 +8,12 @@ use organza_scene::loader::Loader;
 use organza_scene::scattering::ScatteringTable;
 use organza_volume::format::{self, FORMATS, Format, Part, Voxels, WriteOption};
 use organza_volume::{FibreFootprint, Octree};
-use organza_work::Job;
 use organza_work::building::watched;
-use organza_work::keys;
 use organza_work::output::{self, SeekWrite, WriteFile};
 use organza_work::values::{parse_level, parse_micrometres, whole};
-use organza_work::{Context, Error, Results, after_option, of_file, of_option};
-use organza_work::{Output, Request};
+use organza_work::{
+    Context, Error, Job, Output, Request, Results, after_option, keys, of_file, of_option,
+};
 use serde::Deserialize;
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -7,11 +7,11 @@ use organza_scene::loader::Loader;
 use organza_scene::subject::{self, BareDraft};
 use organza_scene::{file_kind, read};
 use organza_weave::{CurveLevel, Draft, Picture, curve_file};
-use organza_work::Job;
-use organza_work::keys;
 use organza_work::values::whole;
-use organza_work::{Context, Error, Results, after_option, of_file, of_option, output, picture};
-use organza_work::{Output, Request};
+use organza_work::{
+    Context, Error, Job, Output, Request, Results, after_option, keys, of_file, of_option, output,
+    picture,
+};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};

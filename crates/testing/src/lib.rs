@@ -14,6 +14,7 @@ mod folder;
 mod picture;
 mod skipped;
 mod table;
+mod text;
 mod weave;
 
 pub use effort::{is_full, sized};
@@ -21,5 +22,6 @@ pub use fibre::{dielectric_fibre, fitted_fibre};
 pub use folder::file_names;
 pub use picture::environment_with_lamps;
 pub use skipped::skipped;
-pub use table::csv_numbers;
+pub use table::{csv_numbers, table_rows};
+pub use text::assert_contains;
 pub use weave::{little_weave, twisted_weave};

@@ -1,16 +1,13 @@
 //! Changes that a page asks for: which keys it may set, to what, and how TOML is changed
 //! without losing its comments.
 
-use crate::document::Document;
+use crate::document::{Document, FabricDocument};
 use crate::keys::{FABRIC_KEYS, SCENE_KEYS, set_allowed};
 use crate::pile_and_print::{set_pile, set_print};
 use crate::tables::{set, tables_mut};
-use organza_scene::InputError;
-use organza_scene::draft_folder;
 use organza_scene::file_kind::Wanted;
-use organza_scene::read;
-use organza_scene::scene_build;
 use organza_scene::scene_file::{LightTable, SceneFile};
+use organza_scene::{InputError, draft_folder, read, scene_build};
 use serde::Deserialize;
 use std::fmt::Display;
 use toml_edit::{DocumentMut, Item, Table};
@@ -151,22 +148,15 @@ fn apply(document: &mut Document, edit: &Edit) -> Outcome {
     match edit {
         Edit::Scene { key, value } => set_allowed(&mut document.scene, SCENE_KEYS, key, value),
         Edit::Fabric { fabric, key, value } => {
-            let fabric = fabric_mut(document, *fabric)?;
-            fabric.is_changed = true;
+            let fabric = changed_fabric(document, *fabric)?;
             set_allowed(&mut fabric.text, FABRIC_KEYS, key, value)
         }
         Edit::Model { object, model } => set_model(&mut document.scene, *object, model),
         Edit::Draft { fabric, draft } => set_draft(document, *fabric, draft),
-        Edit::Pile { fabric, kind } => {
-            let fabric = fabric_mut(document, *fabric)?;
-            fabric.is_changed = true;
-            set_pile(fabric, kind)
-        }
+        Edit::Pile { fabric, kind } => set_pile(changed_fabric(document, *fabric)?, kind),
         Edit::Print { fabric, image } => {
             let folder = document.folder.clone();
-            let fabric = fabric_mut(document, *fabric)?;
-            fabric.is_changed = true;
-            set_print(fabric, &folder, image)
+            set_print(changed_fabric(document, *fabric)?, &folder, image)
         }
         Edit::AddLight { kind } => add_light(&mut document.scene, kind),
         Edit::RemoveLight { light } => {
@@ -183,26 +173,26 @@ fn apply(document: &mut Document, edit: &Edit) -> Outcome {
     }
 }
 
-fn fabric_mut(
-    document: &mut Document,
-    fabric: usize,
-) -> Outcome<&mut crate::document::FabricDocument> {
+/// A fabric that is to be changed.
+fn changed_fabric(document: &mut Document, number: usize) -> Outcome<&mut FabricDocument> {
     let count = document.fabrics.len();
-    document.fabrics.get_mut(fabric).ok_or_else(|| {
-        InputError::new(format!(
-            "fabric {fabric} does not exist; there are {count}, from 0"
-        ))
-    })
+    let fabric = document.fabrics.get_mut(number);
+    let fabric = fabric.ok_or_else(|| missing("fabric", number, count))?;
+    fabric.is_changed = true;
+    Ok(fabric)
+}
+
+fn missing(what: &str, number: usize, count: usize) -> InputError {
+    InputError::new(format!(
+        "{what} {number} does not exist; there are {count}, from 0"
+    ))
 }
 
 fn object_mut(scene: &mut DocumentMut, object: usize) -> Outcome<&mut Table> {
     let objects = tables_mut(scene, "object")?;
     let count = objects.len();
-    objects.get_mut(object).ok_or_else(|| {
-        InputError::new(format!(
-            "object {object} does not exist; there are {count}, from 0"
-        ))
-    })
+    let table = objects.get_mut(object);
+    table.ok_or_else(|| missing("object", object, count))
 }
 
 fn set_model(scene: &mut DocumentMut, object: usize, model: &str) -> Outcome {
@@ -227,7 +217,7 @@ fn set_model(scene: &mut DocumentMut, object: usize, model: &str) -> Outcome {
 fn set_draft(document: &mut Document, fabric: usize, draft: &str) -> Outcome {
     let is_file = draft.to_ascii_lowercase().ends_with(".wif");
     let folder = document.folder.clone();
-    let fabric = fabric_mut(document, fabric)?;
+    let fabric = changed_fabric(document, fabric)?;
     let dropped = fabric
         .dropped
         .as_ref()
@@ -263,7 +253,6 @@ fn set_draft(document: &mut Document, fabric: usize, draft: &str) -> Outcome {
     for other in others.iter().filter(|other| **other != key) {
         table.remove(other);
     }
-    fabric.is_changed = true;
     set(table, &[key], value.into()).map_err(InputError::keyed)
 }
 

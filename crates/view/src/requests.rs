@@ -1,13 +1,12 @@
 //! What requests ask for, and the answers.
 
 use crate::assets::asset;
-use crate::describe;
 use crate::edit::Edit;
 use crate::guard::{Guard, Refusal};
 use crate::made_fabric::MAX_DRAFT_BYTES;
-use crate::opening;
 use crate::saving::check_name;
 use crate::session::Session;
+use crate::{describe, opening};
 use http_body_util::{BodyExt, Full, Limited};
 use hyper::body::{Body, Bytes};
 use hyper::header::{self, HeaderName, HeaderValue};

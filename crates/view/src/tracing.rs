@@ -164,9 +164,9 @@ impl<'a> Tracing<'a> {
             (PASS.as_secs_f64() / per_sample.as_secs_f64().max(1e-9)) as u64
         });
         let samples = fit.clamp(1, most.max(1)).min(self.rendering.left());
-        let go_on = || if is_wanted() { Continue(()) } else { Break(()) };
+        let flow = || if is_wanted() { Continue(()) } else { Break(()) };
         let began = Instant::now();
-        let rendering = self.rendering.take(samples, &|_| go_on()).map_err(stop)?;
+        let rendering = self.rendering.take(samples, &|_| flow()).map_err(stop)?;
         let took = began.elapsed();
         Ok(Tracing {
             rendering,

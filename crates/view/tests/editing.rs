@@ -1,6 +1,7 @@
 //! Changes, undo, dropped drafts and saving.
 
 use crate::client::{DRAFT, FABRIC, SCENE, Served};
+use organza_testing::table_rows;
 use organza_view::Phase;
 use serde_json::{Value, json};
 
@@ -179,84 +180,44 @@ fn other_representations_drop_the_keys_of_the_old_one() {
     assert!(message.contains("expected auto, fibres"), "{message}");
 }
 
+/// A change of the scene or the fabric, its key, the value, and a part of the message. Keys that name
+/// files are out of reach.
+const WRONG: &str = r#"
+scene | render.spp | 0 | render.spp: expected a whole number from 1
+scene | render.spp | 1.5 | render.spp: expected a whole number
+scene | render.exposure | 300 | render.exposure: expected a number from
+scene | render.exposure | "bright" | render.exposure: expected a number
+scene | camera.fov_deg | 20 | camera: fov_deg belongs to kind
+scene | camera.up | [0, 0, 0] | camera: up is zero
+scene | camera.resolution | [9000, 9000] | from 1 to 4096
+scene | light.7.radiance | [1, 1, 1] | there is no [[light]] number 7
+scene | light.0.direction | [1, 2] | expected a list of 3 numbers
+scene | object.0.fabric | "/etc/passwd" | cannot be set from the page
+scene | object.0.mesh | "/etc/passwd" | cannot be set from the page
+scene | light.1.file | "/etc/passwd" | cannot be set from the page
+fabric | draft.wif | "/etc/passwd" | cannot be set from the page
+fabric | draft.curves | "/etc/passwd" | cannot be set from the page
+fabric | yarn.cotton | "x" | cannot be set from the page
+fabric | yarn.cotton.preset | "tin" | expected one of cotton
+fabric | warp.colours | [] | colours of three numbers
+fabric | warp.colours | "8 red, 8 bleu" | there is no colour "bleu"; did you mean "blue"
+"#;
+
 #[test]
 fn wrong_changes_are_refused_with_their_key_and_change_nothing() {
     let served = Served::new();
     let before = served.session.document().0;
+    for [op, key, value, expected] in table_rows(WRONG) {
+        let key: Vec<&str> = key.split('.').collect();
+        let value: Value = serde_json::from_str(value).unwrap();
+        let edits = match op {
+            "scene" => scene(&key, value),
+            _ => fabric(&key, value),
+        };
+        let message = served.refused(edits);
+        assert!(message.contains(expected), "{key:?}: {message}");
+    }
     for (edits, expected) in [
-        (
-            scene(&["render", "spp"], json!(0)),
-            "render.spp: expected a whole number from 1",
-        ),
-        (
-            scene(&["render", "spp"], json!(1.5)),
-            "render.spp: expected a whole number",
-        ),
-        (
-            scene(&["render", "exposure"], json!(300)),
-            "render.exposure: expected a number from",
-        ),
-        (
-            scene(&["render", "exposure"], json!("bright")),
-            "render.exposure: expected a number",
-        ),
-        (
-            scene(&["camera", "fov_deg"], json!(20)),
-            "camera: fov_deg belongs to kind",
-        ),
-        (
-            scene(&["camera", "up"], json!([0, 0, 0])),
-            "camera: up is zero",
-        ),
-        (
-            scene(&["camera", "resolution"], json!([9000, 9000])),
-            "from 1 to 4096",
-        ),
-        (
-            scene(&["light", "7", "radiance"], json!([1, 1, 1])),
-            "there is no [[light]] number 7",
-        ),
-        (
-            scene(&["light", "0", "direction"], json!([1, 2])),
-            "expected a list of 3 numbers",
-        ),
-        // Keys that name files are out of reach.
-        (
-            scene(&["object", "0", "fabric"], json!("/etc/passwd")),
-            "cannot be set from the page",
-        ),
-        (
-            scene(&["object", "0", "mesh"], json!("/etc/passwd")),
-            "cannot be set from the page",
-        ),
-        (
-            scene(&["light", "1", "file"], json!("/etc/passwd")),
-            "cannot be set from the page",
-        ),
-        (
-            fabric(&["draft", "wif"], json!("/etc/passwd")),
-            "cannot be set from the page",
-        ),
-        (
-            fabric(&["draft", "curves"], json!("/etc/passwd")),
-            "cannot be set from the page",
-        ),
-        (
-            fabric(&["yarn", "cotton"], json!("x")),
-            "cannot be set from the page",
-        ),
-        (
-            fabric(&["yarn", "cotton", "preset"], json!("tin")),
-            "expected one of cotton",
-        ),
-        (
-            fabric(&["warp", "colours"], json!([])),
-            "colours of three numbers",
-        ),
-        (
-            fabric(&["warp", "colours"], json!("8 red, 8 bleu")),
-            "there is no colour \"bleu\"; did you mean \"blue\"",
-        ),
         (
             json!([{ "op": "draft", "fabric": 0, "draft": "twil-2-1" }]),
             "did you mean \"twill-",

@@ -26,8 +26,8 @@ fn expected(served: &Served, name: &str) -> Vec<u8> {
     let rendering = Rendering::new(&scene, settings)
         .unwrap()
         .with_engine(engine);
-    let go_on = |_| std::ops::ControlFlow::Continue(());
-    let rendering = rendering.take(u64::MAX, &go_on).unwrap();
+    let flow = |_| std::ops::ControlFlow::Continue(());
+    let rendering = rendering.take(u64::MAX, &flow).unwrap();
     let mut out = std::io::Cursor::new(Vec::new());
     let attributes = Attributes::default();
     let rendered = Rendered::new(rendering.film(), table.display(), &attributes);

@@ -2,8 +2,7 @@
 
 use crate::error::Error;
 use crate::listener::{Listener, Silent};
-use crate::output;
-use crate::result_cache;
+use crate::{output, result_cache};
 use anyhow::Result;
 use organza_scene::GivenFiles;
 use organza_scene::loader::Loader;

@@ -3,8 +3,7 @@
 
 use crate::error::of_file;
 use crate::identity::NamedDigest;
-use crate::output;
-use crate::version;
+use crate::{output, version};
 use anyhow::Result;
 use organza_cache::{Description, Key, decode, encode};
 use organza_scene::loader::Loader;

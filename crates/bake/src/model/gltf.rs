@@ -1,6 +1,9 @@
 //! The material of glTF 2.0 [Khronos2021] with its extensions [Khronos2024].
 
-use super::{Sheen, Surface, Target, below, half_vector, round};
+use super::{
+    BOTH_SIDES, EVEN_OPACITY, SPOTS, Sheen, Surface, Target, WIDE_FORWARD, below, half_vector,
+    round,
+};
 use crate::albedo::Albedos;
 use crate::lobe::{f0_of_index, ggx, schlick};
 use glam::Vec3;
@@ -15,11 +18,11 @@ pub const GLTF: Target = Target {
     has_specular_map: true,
     has_specular_weight: true,
     limits: &[
-        "One material serves both sides: the back has the colour and highlights of the face.",
-        "Opacity does not depend on direction: straight-through light does not fall towards grazing angles.",
-        "Light that keeps its direction is spread as much as the highlight.",
+        BOTH_SIDES,
+        EVEN_OPACITY,
+        WIDE_FORWARD,
         "There is no height map: the relief is in the normals alone, without parallax or shadows.",
-        "The highlight of a microfacet is a spot, that of a fibre a cone about its axis.",
+        SPOTS,
     ],
     bsdf,
 };

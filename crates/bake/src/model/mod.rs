@@ -24,6 +24,14 @@ use std::f32::consts::FRAC_1_PI;
 /// All models, in the order of reports.
 pub const TARGETS: [&Target; 4] = [&GLTF, &OPENPBR, &STANDARD_SURFACE, &USD_PREVIEW];
 
+// What several models cannot show.
+const BOTH_SIDES: &str =
+    "One material serves both sides: the back has the colour and highlights of the face.";
+const EVEN_OPACITY: &str = "Opacity does not depend on direction: straight-through light does not fall towards grazing angles.";
+const WIDE_FORWARD: &str = "Light that keeps its direction is spread as much as the highlight.";
+const SPOTS: &str =
+    "The highlight of a microfacet is a spot, that of a fibre a cone about its axis.";
+
 /// One material model.
 pub struct Target {
     /// Its name.
@@ -302,10 +310,10 @@ impl Target {
         albedos: &Albedos,
         pair: &Pair,
     ) -> [f64; 3] {
-        let ways = (pair.incident.direction(), pair.exitant.direction());
+        let directions = (pair.incident.direction(), pair.exitant.direction());
         let mut sum = [0.0f64; 3];
         for (texel, surface) in texels {
-            let value = self.texel_bsdf(surface, texel, relief, albedos, ways);
+            let value = self.texel_bsdf(surface, texel, relief, albedos, directions);
             for (s, v) in sum.iter_mut().zip(value.to_array()) {
                 *s += f64::from(v);
             }

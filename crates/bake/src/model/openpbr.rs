@@ -1,7 +1,7 @@
 //! OpenPBR surface [OpenPBR2024], thin-walled.
 
 use super::standard_surface::layered;
-use super::{Sheen, Surface, Target};
+use super::{BOTH_SIDES, EVEN_OPACITY, SPOTS, Sheen, Surface, Target, WIDE_FORWARD};
 use crate::albedo::Albedos;
 use crate::lobe::{f0_of_index, index_of_f0};
 use glam::Vec3;
@@ -15,12 +15,7 @@ pub const OPENPBR: Target = Target {
     sheen: Some(Sheen::Fuzz),
     has_specular_map: true,
     has_specular_weight: false,
-    limits: &[
-        "One material serves both sides: the back has the colour and highlights of the face.",
-        "Opacity does not depend on direction: straight-through light does not fall towards grazing angles.",
-        "Light that keeps its direction is spread as much as the highlight.",
-        "The highlight of a microfacet is a spot, that of a fibre a cone about its axis.",
-    ],
+    limits: &[BOTH_SIDES, EVEN_OPACITY, WIDE_FORWARD, SPOTS],
     bsdf,
 };
 

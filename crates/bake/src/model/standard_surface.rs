@@ -1,6 +1,8 @@
 //! Autodesk Standard Surface [Georgiev2019], thin-walled.
 
-use super::{Sheen, Surface, Target, below, half_vector};
+use super::{
+    BOTH_SIDES, EVEN_OPACITY, SPOTS, Sheen, Surface, Target, WIDE_FORWARD, below, half_vector,
+};
 use crate::albedo::Albedos;
 use crate::lobe::{dielectric, f0_of_index, ggx};
 use glam::Vec3;
@@ -14,12 +16,7 @@ pub const STANDARD_SURFACE: Target = Target {
     sheen: Some(Sheen::Inverted),
     has_specular_map: true,
     has_specular_weight: false,
-    limits: &[
-        "One material serves both sides: the back has the colour and highlights of the face.",
-        "Opacity does not depend on direction: straight-through light does not fall towards grazing angles.",
-        "Light that keeps its direction is spread as much as the highlight.",
-        "The highlight of a microfacet is a spot, that of a fibre a cone about its axis.",
-    ],
+    limits: &[BOTH_SIDES, EVEN_OPACITY, WIDE_FORWARD, SPOTS],
     bsdf,
 };
 

@@ -1,6 +1,6 @@
 //! UsdPreviewSurface [Pixar2024], metallic workflow.
 
-use super::{Surface, Target, half_vector, round};
+use super::{BOTH_SIDES, EVEN_OPACITY, Surface, Target, half_vector, round};
 use crate::albedo::Albedos;
 use crate::lobe::{f0_of_index, ggx, schlick};
 use glam::Vec3;
@@ -20,8 +20,8 @@ pub const USD_PREVIEW: Target = Target {
         "Highlights are isotropic: the direction of the fibres does not show.",
         "There is no sheen: edges do not brighten but by the Fresnel factor.",
         "The strength of highlights cannot vary: it follows from one index of refraction.",
-        "One material serves both sides: the back has the colour and highlights of the face.",
-        "Opacity does not depend on direction: straight-through light does not fall towards grazing angles.",
+        BOTH_SIDES,
+        EVEN_OPACITY,
     ],
     bsdf,
 };

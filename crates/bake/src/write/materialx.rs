@@ -57,7 +57,7 @@ impl Document {
             let (key, value) = match source {
                 Source::Value(value) => ("value", value.as_str()),
                 Source::Node(node) => ("nodename", *node),
-                Source::Output(output) => ("output", *output),
+                Source::Output(node) => ("output", &*format!("out_{node}")),
             };
             let mut attributes = common.to_vec();
             if let Source::Output(_) = source {
@@ -76,7 +76,7 @@ enum Source<'a> {
     Value(String),
     /// A node of the same graph.
     Node(&'a str),
-    /// An output of the graph of textures.
+    /// The output of the graph of textures that shows this node.
     Output(&'a str),
 }
 
@@ -144,73 +144,48 @@ fn write_graph(doc: &mut Document, baked: &Baked<'_>) -> Result<(), WriteError> 
         }
         doc.empty("input", &attributes)?;
         for wrap in ["uaddressmode", "vaddressmode"] {
-            doc.empty(
-                "input",
-                &[("name", wrap), ("type", "string"), ("value", "periodic")],
-            )?;
+            let attributes = [("name", wrap), ("type", "string"), ("value", "periodic")];
+            doc.empty("input", &attributes)?;
         }
         doc.close("image")?;
     }
     // The direction across the fibres: tangent and bitangent turned by the angle of the map.
-    let map = |name: &'static str| Source::Node(name);
-    doc.node(
-        "multiply",
-        ("turned_deg", "float"),
-        &[
-            ("in1", "float", map("rotation")),
-            ("in2", "float", scalar(180.0)),
-        ],
-    )?;
-    doc.node(
-        "subtract",
-        ("angle_deg", "float"),
-        &[
-            ("in1", "float", map("turned_deg")),
-            ("in2", "float", scalar(45.0)),
-        ],
-    )?;
-    doc.node(
-        "multiply",
-        ("angle_rad", "float"),
-        &[
-            ("in1", "float", map("angle_deg")),
-            ("in2", "float", Source::Value("0.0174532925".into())),
-        ],
-    )?;
+    let map = Source::Node;
+    for (operation, result, from, by) in [
+        ("multiply", "turned_deg", "rotation", scalar(180.0)),
+        ("subtract", "angle_deg", "turned_deg", scalar(45.0)),
+        (
+            "multiply",
+            "angle_rad",
+            "angle_deg",
+            Source::Value("0.0174532925".into()),
+        ),
+    ] {
+        let inputs = [("in1", "float", map(from)), ("in2", "float", by)];
+        doc.node(operation, (result, "float"), &inputs)?;
+    }
     for (function, name, along, axis) in [
         ("cos", "cosine", "along_tangent", "tangent"),
         ("sin", "sine", "along_bitangent", "bitangent"),
     ] {
-        doc.node(
-            function,
-            (name, "float"),
-            &[("in", "float", map("angle_rad"))],
-        )?;
+        let angle = [("in", "float", map("angle_rad"))];
+        doc.node(function, (name, "float"), &angle)?;
         let space = [("space", "string", Source::Value("world".into()))];
         let axis_name = format!("world_{axis}");
         doc.node(axis, (&axis_name, "vector3"), &space)?;
-        doc.node(
-            "multiply",
-            (along, "vector3"),
-            &[
-                ("in1", "vector3", Source::Node(&axis_name)),
-                ("in2", "float", Source::Node(name)),
-            ],
-        )?;
+        let factors = [
+            ("in1", "vector3", Source::Node(&axis_name)),
+            ("in2", "float", Source::Node(name)),
+        ];
+        doc.node("multiply", (along, "vector3"), &factors)?;
     }
-    doc.node(
-        "add",
-        ("across", "vector3"),
-        &[
-            ("in1", "vector3", map("along_tangent")),
-            ("in2", "vector3", map("along_bitangent")),
-        ],
-    )?;
-    doc.node(
-        "normalize",
-        ("across_unit", "vector3"),
-        &[("in", "vector3", map("across"))],
-    )?;
+    let terms = [
+        ("in1", "vector3", map("along_tangent")),
+        ("in2", "vector3", map("along_bitangent")),
+    ];
+    doc.node("add", ("across", "vector3"), &terms)?;
+    let sum = [("in", "vector3", map("across"))];
+    doc.node("normalize", ("across_unit", "vector3"), &sum)?;
     let reliefs = [
         ("normal_openpbr", baked.openpbr.relief),
         ("normal_standard", baked.standard_surface.relief),
@@ -223,12 +198,10 @@ fn write_graph(doc: &mut Document, baked: &Baked<'_>) -> Result<(), WriteError> 
         doc.node("normalmap", (name, "vector3"), &inputs)?;
     }
     write_scaled(doc, baked)?;
-    for (name, kind) in OUTPUTS {
-        let node = name.strip_prefix("out_").unwrap_or(name);
-        doc.empty(
-            "output",
-            &[("name", name), ("type", kind), ("nodename", node)],
-        )?;
+    for (node, kind) in OUTPUTS {
+        let name = format!("out_{node}");
+        let attributes = [("name", &*name), ("type", kind), ("nodename", node)];
+        doc.empty("output", &attributes)?;
     }
     doc.close("nodegraph")
 }
@@ -237,21 +210,13 @@ fn write_graph(doc: &mut Document, baked: &Baked<'_>) -> Result<(), WriteError> 
 fn write_scaled(doc: &mut Document, baked: &Baked<'_>) -> Result<(), WriteError> {
     let own = baked.openpbr;
     for (suffix, p) in [("openpbr", own), ("standard", baked.standard_surface)] {
+        let roughness = scalar(ratio(p.roughness, own.roughness));
+        let transmission = scalar(p.transmittance);
         let factors = [
             ("base_color", "base_color", "color3", triple(p.reflectance)),
-            (
-                "roughness",
-                "roughness",
-                "float",
-                scalar(ratio(p.roughness, own.roughness)),
-            ),
+            ("roughness", "roughness", "float", roughness),
             ("anisotropy", "anisotropy", "float", scalar(p.anisotropy)),
-            (
-                "transmission",
-                "transmission",
-                "float",
-                scalar(p.transmittance),
-            ),
+            ("transmission", "transmission", "float", transmission),
             ("forward", "transmission", "float", scalar(p.forward)),
         ];
         for (result, map, kind, factor) in factors {
@@ -263,96 +228,62 @@ fn write_scaled(doc: &mut Document, baked: &Baked<'_>) -> Result<(), WriteError>
             doc.node("clamp", (&name, kind), &inputs)?;
         }
     }
-    doc.node(
-        "convert",
-        ("opacity_color", "color3"),
-        &[("in", "float", Source::Node("opacity"))],
-    )
+    let opacity = [("in", "float", Source::Node("opacity"))];
+    doc.node("convert", ("opacity_color", "color3"), &opacity)
 }
 
-/// Outputs of the graph: `out_` and the node that they show.
+/// Nodes that the graph shows, each as the output of its name with `out_` before it.
 const OUTPUTS: [(&str, &str); 18] = [
-    ("out_opacity", "float"),
-    ("out_opacity_color", "color3"),
-    ("out_across_unit", "vector3"),
-    ("out_sheen", "color3"),
-    ("out_specular", "float"),
-    ("out_normal_openpbr", "vector3"),
-    ("out_base_color_openpbr", "color3"),
-    ("out_roughness_openpbr", "float"),
-    ("out_anisotropy_openpbr", "float"),
-    ("out_transmission_openpbr", "float"),
-    ("out_forward_openpbr", "float"),
-    ("out_transmission_color", "color3"),
-    ("out_normal_standard", "vector3"),
-    ("out_base_color_standard", "color3"),
-    ("out_roughness_standard", "float"),
-    ("out_anisotropy_standard", "float"),
-    ("out_transmission_standard", "float"),
-    ("out_forward_standard", "float"),
+    ("opacity", "float"),
+    ("opacity_color", "color3"),
+    ("across_unit", "vector3"),
+    ("sheen", "color3"),
+    ("specular", "float"),
+    ("normal_openpbr", "vector3"),
+    ("base_color_openpbr", "color3"),
+    ("roughness_openpbr", "float"),
+    ("anisotropy_openpbr", "float"),
+    ("transmission_openpbr", "float"),
+    ("forward_openpbr", "float"),
+    ("transmission_color", "color3"),
+    ("normal_standard", "vector3"),
+    ("base_color_standard", "color3"),
+    ("roughness_standard", "float"),
+    ("anisotropy_standard", "float"),
+    ("transmission_standard", "float"),
+    ("forward_standard", "float"),
 ];
 
 fn write_openpbr(doc: &mut Document, baked: &Baked<'_>) -> Result<(), WriteError> {
     let p = baked.openpbr;
     let shader = format!("{}_openpbr_shader", baked.name);
+    let out = Source::Output;
     let inputs = [
-        (
-            "base_color",
-            "color3",
-            Source::Output("out_base_color_openpbr"),
-        ),
-        ("specular_weight", "float", Source::Output("out_specular")),
+        ("base_color", "color3", out("base_color_openpbr")),
+        ("specular_weight", "float", out("specular")),
         ("specular_ior", "float", scalar(p.ior)),
-        (
-            "specular_roughness",
-            "float",
-            Source::Output("out_roughness_openpbr"),
-        ),
+        ("specular_roughness", "float", out("roughness_openpbr")),
         (
             "specular_roughness_anisotropy",
             "float",
-            Source::Output("out_anisotropy_openpbr"),
+            out("anisotropy_openpbr"),
         ),
-        (
-            "transmission_weight",
-            "float",
-            Source::Output("out_forward_openpbr"),
-        ),
-        (
-            "transmission_color",
-            "color3",
-            Source::Output("out_transmission_color"),
-        ),
-        (
-            "subsurface_weight",
-            "float",
-            Source::Output("out_transmission_openpbr"),
-        ),
-        (
-            "subsurface_color",
-            "color3",
-            Source::Output("out_transmission_color"),
-        ),
+        ("transmission_weight", "float", out("forward_openpbr")),
+        ("transmission_color", "color3", out("transmission_color")),
+        ("subsurface_weight", "float", out("transmission_openpbr")),
+        ("subsurface_color", "color3", out("transmission_color")),
         ("subsurface_scatter_anisotropy", "float", scalar(1.0)),
         ("fuzz_weight", "float", scalar(p.sheen)),
-        ("fuzz_color", "color3", Source::Output("out_sheen")),
+        ("fuzz_color", "color3", out("sheen")),
         ("fuzz_roughness", "float", scalar(p.sheen_roughness)),
-        ("geometry_opacity", "float", Source::Output("out_opacity")),
+        ("geometry_opacity", "float", out("opacity")),
         (
             "geometry_thin_walled",
             "boolean",
             Source::Value("true".into()),
         ),
-        (
-            "geometry_normal",
-            "vector3",
-            Source::Output("out_normal_openpbr"),
-        ),
-        (
-            "geometry_tangent",
-            "vector3",
-            Source::Output("out_across_unit"),
-        ),
+        ("geometry_normal", "vector3", out("normal_openpbr")),
+        ("geometry_tangent", "vector3", out("across_unit")),
     ];
     doc.node("open_pbr_surface", (&shader, "surfaceshader"), &inputs)?;
     write_material(doc, &format!("{}_openpbr", baked.name), &shader)
@@ -361,53 +292,26 @@ fn write_openpbr(doc: &mut Document, baked: &Baked<'_>) -> Result<(), WriteError
 fn write_standard_surface(doc: &mut Document, baked: &Baked<'_>) -> Result<(), WriteError> {
     let p = baked.standard_surface;
     let shader = format!("{}_standard_surface_shader", baked.name);
+    let out = Source::Output;
     let inputs = [
         ("base", "float", scalar(1.0)),
-        (
-            "base_color",
-            "color3",
-            Source::Output("out_base_color_standard"),
-        ),
-        ("specular", "float", Source::Output("out_specular")),
+        ("base_color", "color3", out("base_color_standard")),
+        ("specular", "float", out("specular")),
         ("specular_color", "color3", triple([1.0; 3])),
         ("specular_IOR", "float", scalar(p.ior)),
-        (
-            "specular_roughness",
-            "float",
-            Source::Output("out_roughness_standard"),
-        ),
-        (
-            "specular_anisotropy",
-            "float",
-            Source::Output("out_anisotropy_standard"),
-        ),
-        (
-            "transmission",
-            "float",
-            Source::Output("out_forward_standard"),
-        ),
-        (
-            "transmission_color",
-            "color3",
-            Source::Output("out_transmission_color"),
-        ),
-        (
-            "subsurface",
-            "float",
-            Source::Output("out_transmission_standard"),
-        ),
-        (
-            "subsurface_color",
-            "color3",
-            Source::Output("out_transmission_color"),
-        ),
+        ("specular_roughness", "float", out("roughness_standard")),
+        ("specular_anisotropy", "float", out("anisotropy_standard")),
+        ("transmission", "float", out("forward_standard")),
+        ("transmission_color", "color3", out("transmission_color")),
+        ("subsurface", "float", out("transmission_standard")),
+        ("subsurface_color", "color3", out("transmission_color")),
         ("sheen", "float", scalar(p.sheen)),
-        ("sheen_color", "color3", Source::Output("out_sheen")),
+        ("sheen_color", "color3", out("sheen")),
         ("sheen_roughness", "float", scalar(p.sheen_roughness)),
-        ("opacity", "color3", Source::Output("out_opacity_color")),
+        ("opacity", "color3", out("opacity_color")),
         ("thin_walled", "boolean", Source::Value("true".into())),
-        ("normal", "vector3", Source::Output("out_normal_standard")),
-        ("tangent", "vector3", Source::Output("out_across_unit")),
+        ("normal", "vector3", out("normal_standard")),
+        ("tangent", "vector3", out("across_unit")),
     ];
     doc.node("standard_surface", (&shader, "surfaceshader"), &inputs)?;
     write_material(doc, &format!("{}_standard_surface", baked.name), &shader)

@@ -1,11 +1,10 @@
 //! `organza bake`
 
-use super::Command;
+use super::{Command, run_to};
 use crate::flags::WorkArgs;
 use anyhow::Result;
 use clap::Args;
-use organza_requests::{Bake, Output, Request};
-use organza_work::Context;
+use organza_requests::Bake;
 use std::path::PathBuf;
 
 /// `organza bake`
@@ -28,13 +27,7 @@ impl Command for BakeArgs {
     const NAME: &'static str = "bake";
 
     fn run(&self) -> Result<()> {
-        let mut bake = self.bake.clone();
-        let context = Context {
-            outputs: bake.prepare_for(&self.outdir)?,
-            ..self.work.context()
-        };
-        let baking = bake.run(&context)?;
-        baking.write(&self.outdir)?;
+        let baking = run_to(&self.bake, Some(&self.outdir), self.work.context())?;
         self.work.note(&baking.lines);
         Ok(())
     }

@@ -3,7 +3,6 @@
 use super::Command;
 use crate::flags::{CommonArgs, MemoryArgs};
 use crate::program;
-use crate::terminal::note;
 use anyhow::Result;
 use clap::Args;
 use organza_requests::Bench;
@@ -37,11 +36,7 @@ impl Command for BenchArgs {
             ..self.common.context()
         };
         let lines = bench.run(&context)?;
-        if !self.common.quiet {
-            for line in lines {
-                note!("{line}");
-            }
-        }
+        self.common.note(lines);
         Ok(())
     }
 }

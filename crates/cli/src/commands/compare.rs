@@ -1,11 +1,10 @@
 //! `organza compare`
 
-use super::Command;
+use super::{Command, run_to};
 use crate::flags::WorkArgs;
 use anyhow::Result;
 use clap::Args;
-use organza_requests::{Compare, Output, Request};
-use organza_work::Context;
+use organza_requests::Compare;
 use std::path::PathBuf;
 
 /// `organza compare`
@@ -28,13 +27,7 @@ impl Command for CompareArgs {
     const NAME: &'static str = "compare";
 
     fn run(&self) -> Result<()> {
-        let mut compare = self.compare.clone();
-        let context = Context {
-            outputs: compare.prepare_for(&self.outdir)?,
-            ..self.work.context()
-        };
-        let comparison = compare.run(&context)?;
-        comparison.write(&self.outdir)?;
+        let comparison = run_to(&self.compare, Some(&self.outdir), self.work.context())?;
         self.work.note(comparison.0.summary());
         Ok(())
     }

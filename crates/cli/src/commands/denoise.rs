@@ -9,9 +9,8 @@ use clap::Args;
 use organza_picture::{Display, Rendered};
 use organza_scene::memory::free_memory_bytes;
 use organza_work::denoising::Denoiser;
-use organza_work::output;
-use organza_work::picture;
 use organza_work::values::whole;
+use organza_work::{output, picture};
 use std::path::PathBuf;
 use std::time::Instant;
 

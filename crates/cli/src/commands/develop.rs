@@ -11,10 +11,8 @@ use organza_basis::Rgb;
 use organza_picture::{Display, Exposure, Picture, decode, png};
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::read;
-use organza_work::output;
-use organza_work::picture;
 use organza_work::values::whole;
-use organza_work::{after_option, of_file};
+use organza_work::{after_option, of_file, output, picture};
 use std::path::PathBuf;
 
 /// `organza develop`

@@ -5,8 +5,7 @@ use crate::flags::{CommonArgs, MemoryArgs, SetArgs, WorkArgs, set_help};
 use crate::terminal::note;
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
-use glam::DVec3;
-use glam::UVec2;
+use glam::{DVec3, UVec2};
 use organza_mesh::{Mesh, Placement};
 use organza_picture::{Picture, exr};
 use organza_requests::weave::CurveLevelName;
@@ -16,11 +15,10 @@ use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::mitsuba::{self, Tiling};
 use organza_scene::usd_curves::UsdCurves;
-use organza_work::Waiting;
 use organza_work::building::watched;
 use organza_work::output::{self, WriteFile};
 use organza_work::values::{parse_positive, parse_repeats};
-use organza_work::{InputError, of_file};
+use organza_work::{InputError, Waiting, of_file};
 use std::path::PathBuf;
 
 /// `organza export`

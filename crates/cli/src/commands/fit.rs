@@ -1,14 +1,13 @@
 //! `organza fit`
 
-use super::Command;
+use super::{Command, run_to};
 use crate::flags::WorkArgs;
 use crate::terminal;
 use anyhow::Result;
 use clap::error::ErrorKind;
 use clap::{ArgMatches, Args, FromArgMatches};
+use organza_requests::Fit;
 use organza_requests::requests::{TARGETS, Target, TargetName};
-use organza_requests::{Fit, Output, Request};
-use organza_work::Context;
 use std::path::PathBuf;
 
 /// The flags of every target.
@@ -96,13 +95,7 @@ impl Command for FitArgs {
 
     fn run(&self) -> Result<()> {
         let args = &self.0;
-        let mut fit = args.fit.clone();
-        let context = Context {
-            outputs: fit.prepare_for(&args.outfile)?,
-            ..args.work.context()
-        };
-        let fitted = fit.run(&context)?;
-        fitted.write(&args.outfile)?;
+        let fitted = run_to(&args.fit, Some(&args.outfile), args.work.context())?;
         if args.json {
             terminal::print_json(&fitted.json())?;
         }

@@ -1,28 +1,24 @@
 //! `organza info`
 
 use super::Command;
-use crate::data_sheet;
 use crate::flags::{CommonArgs, SetArgs, set_help};
-use crate::terminal;
+use crate::{data_sheet, terminal};
 use anyhow::Result;
 use clap::Args;
 use organza_basis::{Aabb, Budget};
 use organza_kernel::DeviceKind;
 use organza_light::LightTable;
 use organza_scatter::Surface;
-use organza_scene::BuildOptions;
 use organza_scene::loader::Loader;
 use organza_scene::memory::free_memory_bytes;
 use organza_scene::object::At;
 use organza_scene::scene_file::{IntegratorName, is_scene};
-use organza_scene::{fabric_file, far_table, light_pictures, read, volume_file};
+use organza_scene::{BuildOptions, fabric_file, far_table, light_pictures, read, volume_file};
 use organza_surface::table::FarTable;
 use organza_volume::format::{self, Format};
 use organza_weave::blend::mass_shares;
 use organza_weave::{Draft, Yarn, curve_file::CurveSet};
-use organza_work::Waiting;
-use organza_work::picture;
-use organza_work::{InputError, of_file};
+use organza_work::{InputError, Waiting, of_file, picture};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -3,8 +3,7 @@
 use super::Command;
 use anyhow::{Context, Result};
 use clap::Args;
-use organza_work::output;
-use organza_work::{of_file, of_io};
+use organza_work::{of_file, of_io, output};
 use std::path::{Path, PathBuf};
 
 /// `organza man`

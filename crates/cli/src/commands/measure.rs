@@ -1,12 +1,11 @@
 //! `organza measure`
 
-use super::Command;
+use super::{Command, run_to};
 use crate::flags::WorkArgs;
 use crate::terminal;
 use anyhow::Result;
 use clap::Args;
-use organza_requests::{Measure, Output, Request};
-use organza_work::Context;
+use organza_requests::Measure;
 use std::path::PathBuf;
 
 /// `organza measure`
@@ -32,18 +31,12 @@ impl Command for MeasureArgs {
     const NAME: &'static str = "measure";
 
     fn run(&self) -> Result<()> {
-        let mut measure = self.measure.clone();
-        measure.lists_json = self.json;
-        let path = self.outfile.as_deref();
-        let outputs = path.map(|path| measure.prepare_for(path)).transpose()?;
-        let context = Context {
-            outputs: outputs.unwrap_or_default(),
-            ..self.work.context()
+        let measure = Measure {
+            lists_json: self.json,
+            ..self.measure.clone()
         };
-        let measured = measure.run(&context)?;
-        if let Some(path) = &self.outfile {
-            measured.write(path)?;
-        }
+        let context = self.work.context();
+        let measured = run_to(&measure, self.outfile.as_deref(), context.clone())?;
         if self.json {
             terminal::print_json(&measured.json())?;
         }

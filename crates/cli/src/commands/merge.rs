@@ -10,10 +10,8 @@ use organza_picture::{Display, Rendered};
 use organza_requests::render::CLAMPED;
 use organza_transport::Film;
 use organza_work::identity::{Difference, EngineKind, Identity, joined_engines};
-use organza_work::output;
-use organza_work::picture;
 use organza_work::sample_ranges::SampleRanges;
-use organza_work::{input, of_file};
+use organza_work::{input, of_file, output, picture};
 use std::path::{Path, PathBuf};
 
 /// `organza merge`

@@ -30,7 +30,10 @@ mod weave;
 use anyhow::Result;
 use clap::ArgMatches;
 use clap::error::ErrorKind;
+use organza_requests::{Output, Request};
+use organza_work::Context;
 use std::ffi::OsString;
+use std::path::Path;
 
 /// Every command, in the order in which the help lists them.
 const COMMANDS: &[Registration] = &[
@@ -69,6 +72,20 @@ trait Command: clap::Args {
     /// [`organza_work::InputError`] where the input is wrong; anything else
     /// failed while running.
     fn run(&self) -> Result<()>;
+}
+
+/// Runs a request and writes what it finds to the path, where there is one.
+fn run_to<R: Request>(request: &R, path: Option<&Path>, context: Context) -> Result<R::Output> {
+    let mut request = request.clone();
+    let outputs = path.map(|path| request.prepare_for(path)).transpose()?;
+    let found = request.run(&Context {
+        outputs: outputs.unwrap_or_default(),
+        ..context
+    })?;
+    if let Some(path) = path {
+        found.write(path)?;
+    }
+    Ok(found)
 }
 
 /// A command without its type.

@@ -191,6 +191,7 @@ fn key_of(table: &Table, file: &Path) -> Option<String> {
 mod tests {
     use super::*;
     use clap::FromArgMatches;
+    use organza_testing::table_rows;
     use std::fs;
 
     /// What is wrong with a file of requests in this folder, which `@` stands for.
@@ -263,43 +264,25 @@ mod tests {
         assert_eq!(why, "@/requests.toml:4:1: bake: @/new/out is written twice");
     }
 
+    /// The lines of a file, and a part of the message.
+    const MISTAKES: &str = "
+[rendr] | 1:1: rendr: no such request; expected render,
+[rendr] | bake, weave or fit; did you mean `render`?
+[weave]; draft = 'plain'; outfile = 'a.jpg' | 3:1: weave.outfile: a.jpg: expected a name that ends in .png
+[weave]; outfile = 'a.obj' | 1:1: weave.draft: expected a draft, a fabric or a weave
+[weave]; draft = 'a.toml'; outfile = '@/b.toml' | 2:1: weave.draft: a.toml: is a fabric file already
+[weave]; draft = '@/p.png'; outfile = '@/p.png' | 3:1: weave.outfile: @/p.png: is also an input
+[weave]; draft = 'plain'; outfile = '@/requests.toml' | 3:1: weave.outfile: @/requests.toml: is also an input
+[scan]; files = ['@/slces']; outfile = '@/x.ovox' | 2:1: scan.files: @/slces: no such file; did you mean @/slices?
+";
+
     #[test]
     fn mistakes_are_reported_at_the_key_that_names_the_file() {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("p.png"), "").unwrap();
         fs::create_dir(folder.path().join("slices")).unwrap();
-        for (text, expected) in [
-            (
-                "[rendr]\n",
-                "1:1: rendr: no such request; expected render, ",
-            ),
-            ("[rendr]\n", "bake, weave or fit; did you mean `render`?"),
-            (
-                "[weave]\ndraft = 'plain'\noutfile = 'a.jpg'\n",
-                "3:1: weave.outfile: a.jpg: expected a name that ends in .png",
-            ),
-            (
-                "[weave]\noutfile = 'a.obj'\n",
-                "1:1: weave.draft: expected a draft, a fabric or a weave",
-            ),
-            (
-                "[weave]\ndraft = 'a.toml'\noutfile = '@/b.toml'\n",
-                "2:1: weave.draft: a.toml: is a fabric file already",
-            ),
-            (
-                "[weave]\ndraft = '@/p.png'\noutfile = '@/p.png'\n",
-                "3:1: weave.outfile: @/p.png: is also an input",
-            ),
-            (
-                "[weave]\ndraft = 'plain'\noutfile = '@/requests.toml'\n",
-                "3:1: weave.outfile: @/requests.toml: is also an input",
-            ),
-            (
-                "[scan]\nfiles = ['@/slces']\noutfile = '@/x.ovox'\n",
-                "2:1: scan.files: @/slces: no such file; did you mean @/slices?",
-            ),
-        ] {
-            let why = why(folder.path(), text);
+        for [text, expected] in table_rows(MISTAKES) {
+            let why = why(folder.path(), &text.replace("; ", "\n"));
             assert!(why.contains(expected), "{why}");
         }
     }

@@ -1,11 +1,10 @@
 //! `organza scan`
 
-use super::Command;
+use super::{Command, run_to};
 use crate::flags::{CommonArgs, MemoryArgs};
-use crate::terminal::note;
 use anyhow::Result;
 use clap::Args;
-use organza_requests::{Output, Request, Scan};
+use organza_requests::Scan;
 use organza_work::Context;
 use std::path::PathBuf;
 
@@ -31,17 +30,12 @@ impl Command for ScanArgs {
     const NAME: &'static str = "scan";
 
     fn run(&self) -> Result<()> {
-        let mut scan = self.scan.clone();
         let context = Context {
-            outputs: scan.prepare_for(&self.outfile)?,
             max_memory_bytes: self.memory.max_memory,
             ..self.common.context()
         };
-        let volume = scan.run(&context)?;
-        volume.write(&self.outfile)?;
-        if !self.common.quiet {
-            note!("{}", volume.line(&self.outfile));
-        }
+        let volume = run_to(&self.scan, Some(&self.outfile), context)?;
+        self.common.note([volume.line(&self.outfile)]);
         Ok(())
     }
 }

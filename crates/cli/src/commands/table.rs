@@ -1,12 +1,11 @@
 //! `organza table`
 
-use super::Command;
+use super::{Command, run_to};
 use crate::flags::WorkArgs;
 use crate::terminal;
 use anyhow::Result;
 use clap::Args;
-use organza_requests::{Output, Request, Table};
-use organza_work::Context;
+use organza_requests::Table;
 use std::path::PathBuf;
 
 /// `organza table`
@@ -32,13 +31,7 @@ impl Command for TableArgs {
     const NAME: &'static str = "table";
 
     fn run(&self) -> Result<()> {
-        let mut table = self.table.clone();
-        let context = Context {
-            outputs: table.prepare_for(&self.outfile)?,
-            ..self.work.context()
-        };
-        let made = table.run(&context)?;
-        made.write(&self.outfile)?;
+        let made = run_to(&self.table, Some(&self.outfile), self.work.context())?;
         if self.json {
             terminal::print_json(&made.json(&self.outfile))?;
         }

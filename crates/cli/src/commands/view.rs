@@ -7,10 +7,8 @@ use crate::terminal::{self, note};
 use anyhow::{Context, Result, anyhow};
 use clap::Args;
 use organza_view::{Answering, Guard, Limits, Patience, SavedFile, Session, Waits};
-use organza_work::after_option;
-use organza_work::output;
 use organza_work::output::{SeekWrite, WriteFile};
-use organza_work::result_cache;
+use organza_work::{after_option, output, result_cache};
 use std::path::PathBuf;
 use std::sync::Arc;
 

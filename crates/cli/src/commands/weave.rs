@@ -1,12 +1,11 @@
 //! `organza weave`
 
-use super::Command;
+use super::{Command, run_to};
 use crate::flags::CommonArgs;
 use crate::terminal;
 use anyhow::Result;
 use clap::Args;
-use organza_requests::{Output, Request, Weave};
-use organza_work::Context;
+use organza_requests::Weave;
 use std::path::PathBuf;
 
 /// `organza weave`
@@ -32,17 +31,7 @@ impl Command for WeaveArgs {
     const NAME: &'static str = "weave";
 
     fn run(&self) -> Result<()> {
-        let mut weave = self.weave.clone();
-        let path = self.outfile.as_deref();
-        let outputs = path.map(|path| weave.prepare_for(path)).transpose()?;
-        let context = Context {
-            outputs: outputs.unwrap_or_default(),
-            ..self.common.context()
-        };
-        let woven = weave.run(&context)?;
-        if let Some(path) = &self.outfile {
-            woven.write(path)?;
-        }
+        let woven = run_to(&self.weave, self.outfile.as_deref(), self.common.context())?;
         if self.json {
             terminal::print_json(&woven.json())?;
         } else if self.outfile.is_none() {

@@ -65,6 +65,15 @@ fn command_line() -> String {
 }
 
 impl CommonArgs {
+    /// Prints lines for people, unless they want none.
+    pub fn note(&self, lines: impl IntoIterator<Item = impl AsRef<str>>) {
+        if !self.quiet {
+            for line in lines {
+                crate::terminal::note!("{}", line.as_ref());
+            }
+        }
+    }
+
     /// The context of the flags.
     pub fn context(&self) -> Context {
         Context {
@@ -88,12 +97,8 @@ impl WorkArgs {
         }
     }
 
-    /// Prints lines for people, unless they want none.
+    /// See [`CommonArgs::note`].
     pub fn note(&self, lines: impl IntoIterator<Item = impl AsRef<str>>) {
-        if !self.common.quiet {
-            for line in lines {
-                crate::terminal::note!("{}", line.as_ref());
-            }
-        }
+        self.common.note(lines);
     }
 }

@@ -1,6 +1,6 @@
 //! A cloth with a weft and a warp whose BSDF is a closed form.
 
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use organza_basis::{PathRng, Rgb, warp};
 use organza_measure::{Exit, PatchResponse};
 use organza_transport::Stats;
@@ -49,10 +49,6 @@ impl Planted {
 
 impl PatchResponse for Planted {
     fn estimate_bsdf(&self, a: Vec3, b: Vec3, _: &mut PathRng, _: &mut Stats) -> Rgb {
-        Planted::colour(a, b)
-    }
-
-    fn estimate_at(&self, _: Vec2, a: Vec3, b: Vec3, _: &mut PathRng, _: &mut Stats) -> Rgb {
         Planted::colour(a, b)
     }
 

@@ -102,10 +102,7 @@ impl ComparisonPlan {
         for light in &LIGHTS {
             let pair = Pair {
                 incident: light.direction,
-                exitant: Angles {
-                    theta_deg: 0.0,
-                    phi_deg: 0.0,
-                },
+                exitant: Angles::NORMAL,
             };
             // Pictures are no part of what is counted.
             let (grid, paths) = (&self.grid, self.texel_paths);

@@ -21,18 +21,16 @@ use organza_measure::{
 use organza_scene::fabric_file::{self, Fabric};
 use organza_scene::patches::{AnyPatch, PatchModel, fabric_patch, texel_grid};
 use organza_scene::representation::{Build, EXPLICIT_FIBRES, ShownAs};
-use organza_work::Job;
 use organza_work::building::watched;
-use organza_work::keys;
 use organza_work::output_folder::write_folder;
 use organza_work::patch_model::patch_model;
 use organza_work::values::{
     parse_level, parse_micrometres, parse_paths, parse_repeats, parse_seed, whole,
 };
 use organza_work::{
-    Context, Error, Progress, Results, after_option, of_file, of_key, of_option, output,
+    Context, Error, Job, Output, PlaceKind, Progress, Request, Results, after_option, keys,
+    of_file, of_key, of_option, output,
 };
-use organza_work::{Output, PlaceKind, Request};
 use serde::Deserialize;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -444,11 +442,7 @@ fn check_memory(args: &BakeJob, grid: &TexelGrid) -> Result<()> {
 
 fn measure(args: &BakeJob, patch: &AnyPatch, grid: &TexelGrid) -> Result<Measurement> {
     let plan = planned_pairs(args.pairs);
-    let effort = Effort {
-        paths: args.spp,
-        seed: args.seed,
-        target_error: None,
-    };
+    let effort = Effort::new(args.spp, args.seed);
     let pairs: Vec<Pair> = plan.iter().map(|p| p.pair).collect();
     let straight: Vec<Angles> = STRAIGHT_DEG
         .iter()

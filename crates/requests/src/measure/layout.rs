@@ -7,8 +7,7 @@ use anyhow::Result;
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
 use organza_measure::{Angles, Pair};
-use organza_work::Job;
-use organza_work::of_option;
+use organza_work::{Job, of_option};
 use std::sync::LazyLock;
 
 /// A set of directions. A new one is a file with such a constant, and a line in [`LAYOUTS`].
@@ -138,11 +137,15 @@ pub fn with_ending(ending: &str) -> Vec<String> {
 
 /// Refuses a table that does not fit into memory; `option` sets its size.
 pub fn check_memory(job: &Job<Measure>, option: &str, needed: u64) -> Result<()> {
+    check_bytes(job, option, "the table needs", needed)
+}
+
+fn check_bytes(job: &Job<Measure>, option: &str, what_needs: &str, bytes: u64) -> Result<()> {
     let most = job.context.memory_bytes();
-    if needed <= most {
+    if bytes <= most {
         return Ok(());
     }
-    let why = format!("the table needs {needed} bytes of memory, {most} are allowed: take fewer");
+    let why = format!("{what_needs} {bytes} bytes of memory, {most} are allowed: take fewer");
     Err(of_option(option, why))
 }
 
@@ -155,12 +158,6 @@ pub fn check_count(job: &Job<Measure>, option: &str, count: u64) -> Result<()> {
         true => BYTES_OF_JSON,
         false => BYTES_OF_VALUE,
     };
-    let needed = count.saturating_mul(each);
-    let most = job.context.memory_bytes();
-    if needed <= most {
-        return Ok(());
-    }
-    let why =
-        format!("{count} values need {needed} bytes of memory, {most} are allowed: take fewer");
-    Err(of_option(option, why))
+    let what_needs = format!("{count} values need");
+    check_bytes(job, option, &what_needs, count.saturating_mul(each))
 }

@@ -34,17 +34,16 @@ use organza_scene::patches::{AnyPatch, PatchModel, texel_grid};
 use organza_scene::representation::{Build, EXPLICIT_FIBRES, ShownAs, TABLE};
 use organza_scene::scene_file::{self, IntegratorName, is_scene_text};
 use organza_scene::{LoadedScene, fabric_file, far_table};
-use organza_work::Job;
-use organza_work::Request;
 use organza_work::building::watched;
-use organza_work::keys;
-use organza_work::output as files;
 use organza_work::patch_model::{OWN, patch_model};
 use organza_work::values::{
     parse_grid, parse_level, parse_micrometres, parse_paths, parse_positive, parse_rgl_grid,
     parse_rows, parse_seed, parse_share, whole,
 };
-use organza_work::{Context, Error, InputError, Progress, after_option, input, of_file, of_option};
+use organza_work::{
+    Context, Error, InputError, Job, Progress, Request, after_option, input, keys, of_file,
+    of_option, output as files,
+};
 use serde::Deserialize;
 use std::ops::Range;
 use std::path::{Path, PathBuf};

@@ -2,9 +2,8 @@
 
 use anyhow::Result;
 use organza_scene::representation::ShownAs;
-use organza_work::Output;
 use organza_work::output::{self as files, SeekWrite};
-use organza_work::{Error, Results};
+use organza_work::{Error, Output, Results};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 

@@ -23,12 +23,9 @@ use organza_scene::scene_file::CacheName;
 use organza_transport::{
     CachePlan, CacheReport, Crop, Engine, KernelRefusal, RenderError, Rendering,
 };
-use organza_work::Job;
 use organza_work::building::watched;
 use organza_work::denoising::Denoiser;
 use organza_work::identity::{self, Identity, crop_edges};
-use organza_work::keys;
-use organza_work::output as files;
 use organza_work::process_usage::cpu_seconds;
 use organza_work::sample_ranges::parse_range;
 use organza_work::schedule::{Stop, Targets};
@@ -36,10 +33,9 @@ use organza_work::values::{
     parse_crop, parse_duration, parse_positive, parse_seed, parse_share, whole,
 };
 use organza_work::{
-    Context, Error, InputError, Progress, Stopped, Waiting, checkpoint, input, kept_light, of_file,
-    of_option, picture, version,
+    Context, Error, InputError, Job, Place, PlaceKind, Progress, Request, Stopped, Waiting,
+    checkpoint, input, kept_light, keys, of_file, of_option, output as files, picture, version,
 };
-use organza_work::{Place, PlaceKind, Request};
 use scene::Built;
 use serde::Deserialize;
 use std::ops::Range;

@@ -3,12 +3,11 @@
 use super::RenderJob;
 use anyhow::Result;
 use glam::UVec2;
-use organza_scene::LoadedScene;
 use organza_scene::auto::Chosen;
 use organza_scene::file_kind::Wanted;
 use organza_scene::loader::Loader;
-use organza_scene::scene_build;
 use organza_scene::scene_file::{self, SceneFile};
+use organza_scene::{LoadedScene, scene_build};
 use organza_transport::{Crop, Film, Integrator, RenderSettings, Scene};
 use organza_work::identity::{self, NamedDigest, crop_edges};
 use organza_work::{InputError, after_option, checkpoint, of_key, output};

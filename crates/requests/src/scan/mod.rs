@@ -15,12 +15,12 @@ use organza_scan::{
 };
 use organza_volume::ovox::SourceFile;
 use organza_volume::{Octree, ovox};
-use organza_work::Job;
 use organza_work::journal::{Journal, Work};
-use organza_work::keys;
 use organza_work::values::{parse_positive, whole};
-use organza_work::{Context, Error, Progress, Results, identity, of_file, output};
-use organza_work::{Output, Place, PlaceKind, Request};
+use organza_work::{
+    Context, Error, Job, Output, Place, PlaceKind, Progress, Request, Results, identity, keys,
+    of_file, output,
+};
 use serde::Deserialize;
 use serde::de::{Deserializer, Error as _};
 use serde_json::json;

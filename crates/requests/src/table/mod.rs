@@ -21,15 +21,14 @@ use organza_scene::representation::{EXPLICIT_FIBRES, ShownAs, TABLE};
 use organza_surface::table::{
     FarTable, MAX_TEXELS, Rings, TableParts, TextureLayout, balance, write_table,
 };
-use organza_work::Job;
 use organza_work::building::watched;
-use organza_work::journal;
-use organza_work::keys;
 use organza_work::number_journal::{NumberJournal, PAIR_NUMBERS, pair_numbers, pair_values};
 use organza_work::patch_model::patch_model;
 use organza_work::values::{parse_micrometres, parse_paths, parse_seed, parse_share, whole};
-use organza_work::{Context, Error, Progress, after_option, of_option, output, version};
-use organza_work::{Place, PlaceKind, Request};
+use organza_work::{
+    Context, Error, Job, Place, PlaceKind, Progress, Request, after_option, journal, keys,
+    of_option, output, version,
+};
 use rayon::prelude::*;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -308,11 +307,7 @@ impl Work {
         let total = args.held_out_spp * pairs.len() as u64;
         let progress = Progress::new("measuring", total, &args.context);
         let watch = |paths| progress.add(paths);
-        let effort = Effort {
-            paths: args.held_out_spp,
-            seed: args.seed,
-            target_error: None,
-        };
+        let effort = Effort::new(args.held_out_spp, args.seed);
         let mut all = Vec::with_capacity(pairs.len());
         for first in (0..pairs.len()).step_by(PAIRS_AT_ONCE) {
             let rows = first..(first + PAIRS_AT_ONCE).min(pairs.len());

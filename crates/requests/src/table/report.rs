@@ -3,8 +3,7 @@
 use super::Made;
 use organza_scene::far_table;
 use organza_scene::representation::ShownAs;
-use organza_work::Output;
-use organza_work::{Error, Results, output};
+use organza_work::{Error, Output, Results, output};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 

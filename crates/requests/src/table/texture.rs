@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use glam::{UVec2, Vec2, Vec3};
 use organza_basis::{PathRng, SegmentSource, Stopped};
 use organza_measure::{
-    Effort, PairValue, PatchResponse, PathNames, PixelPatch, TexelSums, far_texture,
+    Effort, Look, PairValue, PatchResponse, PathNames, PathRun, PixelPatch, TexelSums, far_texture,
     held_out_bound, held_out_errors, held_out_pairs, measure_pair_rows, measure_texels,
     texture_rings,
 };
@@ -83,12 +83,13 @@ pub fn at_height(layout: TextureLayout, patch: &AnyPatch, seed: u64) -> Option<T
     let place = |_: u64, rng: &mut PathRng| layout.origin_mm + rng.unit2() * layout.period_mm;
     let (mut sum, mut count) = (0.0f64, 0.0f64);
     let mut stats = Stats::default();
-    patch.each_look(&place, &names, &mut stats, &mut |look| {
+    let mut found = |look: Look| {
         if let Some(first) = look.first.filter(|f| f.height_mm.is_finite()) {
             sum += f64::from(first.height_mm);
             count += 1.0;
         }
-    });
+    };
+    patch.each_look(&place, PathRun::new(&names, &mut stats, &mut found));
     let height = (sum / count) as f32;
     (count > 0.0).then_some(TextureLayout {
         heights_mm: [height, -height],
@@ -167,11 +168,7 @@ pub fn errors(
     let spacing_mm = work.spacing_mm;
     let pairs = held_out_pairs(args.held_out, args.seed);
     let with_texture = table.clone().with_texture(Some(made.texture.clone()));
-    let effort = Effort {
-        paths: args.held_out_spp,
-        seed: args.seed,
-        target_error: None,
-    };
+    let effort = Effort::new(args.held_out_spp, args.seed);
     let mut widths = Vec::new();
     let doubled = std::iter::successors(Some(NARROWEST_PIXEL * spacing_mm), |w| Some(2.0 * w));
     let period_mm = layout.period_mm.max_element();

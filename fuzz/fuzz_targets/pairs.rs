@@ -1,5 +1,0 @@
-//! Fuzzes `pairs`, see `entries.rs`.
-#![no_main]
-#[path = "../entries.rs"]
-mod entries;
-libfuzzer_sys::fuzz_target!(|data: &[u8]| entries::pairs(data));

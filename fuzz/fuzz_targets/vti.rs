@@ -1,5 +1,0 @@
-//! Fuzzes `vti`, see `entries.rs`.
-#![no_main]
-#[path = "../entries.rs"]
-mod entries;
-libfuzzer_sys::fuzz_target!(|data: &[u8]| entries::vti(data));
