@@ -11,6 +11,7 @@ mod flattening;
 mod heights;
 mod import;
 mod irregularity;
+mod missing;
 mod nonwoven;
 mod openwork;
 mod pile;

@@ -7,6 +7,7 @@ mod fulled;
 mod imported;
 mod irregular;
 mod layered;
+mod missing;
 mod nepped;
 mod nonwoven;
 mod openwork;
