@@ -159,6 +159,18 @@ const SYSTEM: &[Line] = &[
     ("height, mm", &["figures.SYSTEM.height_mm"], "", 1.0),
     ("cover, %", &["figures.SYSTEM.cover_factor"], "", 100.0),
     (
+        "bending rigidity, uN m",
+        &["figures.SYSTEM.bending_rigidity_un_m"],
+        "",
+        1.0,
+    ),
+    (
+        "bending length, mm",
+        &["figures.SYSTEM.bending_length_mm"],
+        "",
+        1.0,
+    ),
+    (
         "hairiness index",
         &["irregularity.SYSTEM.hairiness"],
         "",

@@ -1,5 +1,6 @@
 //! A cloth: threads at rest, each a strand of plies and fibres.
 
+mod bending;
 mod borders;
 mod build;
 mod cover;

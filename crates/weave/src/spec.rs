@@ -212,6 +212,10 @@ pub struct YarnSpec {
     pub fibre_radius_um: Option<f64>,
     /// Density of the fibre substance.
     pub fibre_density_g_per_cm3: Option<f64>,
+    /// Young's modulus of the fibres along them, 0.001 to 1000 GPa; of use for the bending of the
+    /// cloth alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fibre_modulus_gpa: Option<f64>,
     /// Share of the ply's cross-section that is fibre.
     pub fibre_volume_fraction: Option<f64>,
     /// Radius of a ply, millimetres; gives the fibre volume fraction.

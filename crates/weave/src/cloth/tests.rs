@@ -1,3 +1,4 @@
+mod bending;
 mod blended;
 mod covered;
 mod crimped;
