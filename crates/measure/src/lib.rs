@@ -103,7 +103,9 @@ pub use pairs::{
 };
 pub use patch::{Energy, Exit, FirstSight, Look, PatchResponse, PathNames};
 pub use picture_error::{NoisyPicture, PictureError, picture_error};
-pub use picture_match::{PictureMatch, PictureSearch, PictureStatistics, match_picture};
+pub use picture_match::{
+    PictureMatch, PictureSearch, PictureStatistics, match_colour, match_picture,
+};
 pub use picture_moments::{MIN_SIDE, MatchedPicture};
 pub use pixel_patch::PixelPatch;
 pub use polynomial_map::{
