@@ -53,4 +53,5 @@ mod studios; // cloths that come without a scene
 mod tidy; // the repository itself
 mod view; // the live page as a process
 mod volumes; // volume files: what they keep, and what is refused
+mod wanted_colours; // colours of fibres for a wanted colour of the cloth
 mod wrong_tables; // felt, pile, nets and prints that make no sense

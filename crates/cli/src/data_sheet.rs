@@ -84,6 +84,13 @@ const SYSTEM: &[Line] = &[
     ("width, mm", "figures", "width_mm", 1.0),
     ("height, mm", "figures", "height_mm", 1.0),
     ("cover, %", "figures", "cover_factor", 100.0),
+    (
+        "bending rigidity, uN m",
+        "figures",
+        "bending_rigidity_un_m",
+        1.0,
+    ),
+    ("bending length, mm", "figures", "bending_length_mm", 1.0),
     ("hairiness index", "irregularity", "hairiness", 1.0),
     (
         "variation of mass, %",

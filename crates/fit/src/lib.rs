@@ -1,6 +1,7 @@
 //! Fits: parameters of a cloth that match measured values, a picture or photographs.
 
 mod cloth;
+mod colour;
 mod descent;
 mod fibres;
 mod picture;
@@ -24,6 +25,7 @@ use organza_scene::patches::{PatchModel, PatchOptions};
 use organza_scene::read;
 use organza_scene::representation::Build;
 use organza_transport::Crop;
+use organza_weave::colour_list::OneColour;
 use organza_work::Job;
 use organza_work::building::watched;
 use organza_work::journal::Work;
@@ -59,11 +61,17 @@ pub struct Fit {
     /// Measured values to fit to: CSV with r,g,b, a WINDOW file (.xml) or, for a picture, an .exr, .hdr or .png [default for a surface: the fabric's volume, for plies: its fibres]
     #[arg(long, value_name = "FILE")]
     pub data: Option<PathBuf>,
-    /// Model of the volume; what plies are fitted to [default for plies and cloths: fibres]
+    /// Colours: what the cloth shall reflect, as sRGB #RRGGBB, a name, or linear R,G,B
+    #[arg(long, value_name = "COLOUR", value_parser = colour::parse_colour)]
+    pub colour: Option<OneColour>,
+    /// Colours: the yarn that is dyed [default: all, in proportion to their own colours]
+    #[arg(long, value_name = "NAME")]
+    pub yarn: Option<String>,
+    /// Model of the volume; what plies are fitted to [default for plies, colours and cloths: fibres]
     #[arg(long, default_value = OWN, value_parser = patch_model())]
     #[serde(deserialize_with = "organza_work::patch_model::named")]
     pub model: PatchModel,
-    /// Paths per pair of the volume, or per texel of a picture, at least 2 [default: 1024; 64 for the picture of a volume, 60 for a cloth, 32 for pictures of plies, 32768 for a shade]
+    /// Paths per pair of the volume, or per texel of a picture, at least 2 [default: 1024; 64 for the picture of a volume, 60 for a cloth, 32 for pictures of plies, 16384 for a colour, 32768 for a shade]
     #[arg(long, value_name = "N", value_parser = parse_paths)]
     pub spp: Option<u64>,
     /// Evaluations: of the first scan, and at most of each descent [default: 200,400 for a surface, 0,60 for fibres, 0,120 for plies]
@@ -168,6 +176,8 @@ impl Default for Fit {
             fabric: None,
             target: TargetName::default(),
             data: None,
+            colour: None,
+            yarn: None,
             model: PatchModel::Own,
             spp: None,
             patience: None,
@@ -294,6 +304,8 @@ impl Fit {
     fn given(&self) -> Vec<(&'static str, bool)> {
         vec![
             ("data", self.data.is_some()),
+            ("colour", self.colour.is_some()),
+            ("yarn", self.yarn.is_some()),
             ("model", self.model != PatchModel::Own),
             ("patience", self.patience.is_some()),
             ("journal", self.journal.is_some()),

@@ -1,6 +1,6 @@
 //! What can be fitted.
 
-use crate::{Fit, FitJob, Fitted, cloth, fibres, picture, plies, shade, surface, volume};
+use crate::{Fit, FitJob, Fitted, cloth, colour, fibres, picture, plies, shade, surface, volume};
 use anyhow::Result;
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
@@ -23,9 +23,10 @@ pub struct Target {
 }
 
 /// Every target, in the order of the help.
-pub static TARGETS: [&Target; 7] = [
+pub static TARGETS: [&Target; 8] = [
     &surface::TARGET,
     &fibres::TARGET,
+    &colour::TARGET,
     &picture::TARGET,
     &plies::TARGET,
     &shade::TARGET,

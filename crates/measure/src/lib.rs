@@ -102,7 +102,9 @@ pub use patch::{
     Draw, DrawNumbered, Energy, Exit, FirstSight, Look, PatchResponse, PathNames, PathRun,
 };
 pub use picture_error::{NoisyPicture, PictureError, picture_error};
-pub use picture_match::{PictureMatch, PictureSearch, PictureStatistics, match_picture};
+pub use picture_match::{
+    PictureMatch, PictureSearch, PictureStatistics, match_colour, match_picture,
+};
 pub use picture_moments::{MIN_SIDE, MatchedPicture};
 pub use pixel_patch::PixelPatch;
 pub use polynomial_map::{

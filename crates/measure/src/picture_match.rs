@@ -89,20 +89,14 @@ pub fn match_picture<E>(
     let mut turns = 0;
     loop {
         turns += 1;
-        // Every channel has its own search; one picture is enough for all three.
-        let mut lines: [Line; 3] = std::array::from_fn(|c| Line::new(search.colour[c], colour[c]));
-        let mut statistics = simulate(colour, width)?;
-        for _ in 0..STEPS {
-            let is_near = |c: usize| near(statistics.mean[c], target.mean[c]);
-            if (0..3).all(is_near) {
-                break;
-            }
-            for (c, line) in lines.iter_mut().enumerate() {
-                line.observe(statistics.mean[c] - target.mean[c]);
-            }
-            colour = lines.map(|l| l.at);
-            statistics = simulate(colour, width)?;
-        }
+        let mut statistics;
+        (colour, statistics) = match_colour(
+            target.mean,
+            (search.colour, colour),
+            &near,
+            |statistics| statistics.mean,
+            &mut |colour| simulate(colour, width),
+        )?;
         let mean_met = (0..3).all(|c| near(statistics.mean[c], target.mean[c]));
         let is_met = mean_met && near(statistics.deviation, target.deviation);
         if is_met || turns >= search.turns {
@@ -125,6 +119,38 @@ pub fn match_picture<E>(
             statistics = simulate(colour, width)?;
         }
     }
+}
+
+/// Searches the colour of fibres, from a start in ranges, for which what `simulate` returns has the
+/// wanted value in each channel; `value` increases with the colour of its own channel alone. The
+/// search ends where `is_near` accepts each value beside the wanted one, or after 13 simulations.
+/// Returns the last colour and what was simulated with it.
+///
+/// # Errors
+/// Those of `simulate`.
+pub fn match_colour<T, E>(
+    wanted: [f64; 3],
+    (ranges, start): ([[f64; 2]; 3], [f64; 3]),
+    is_near: &dyn Fn(f64, f64) -> bool,
+    value: impl Fn(&T) -> [f64; 3],
+    simulate: &mut dyn FnMut([f64; 3]) -> Result<T, E>,
+) -> Result<([f64; 3], T), E> {
+    // Every channel has its own search; one simulation is enough for all three.
+    let mut lines: [Line; 3] = std::array::from_fn(|c| Line::new(ranges[c], start[c]));
+    let mut colour = start;
+    let mut found = simulate(colour)?;
+    for _ in 0..STEPS {
+        let values = value(&found);
+        if values.iter().zip(wanted).all(|(v, w)| is_near(*v, w)) {
+            break;
+        }
+        for (c, line) in lines.iter_mut().enumerate() {
+            line.observe(values[c] - wanted[c]);
+        }
+        colour = lines.map(|l| l.at);
+        found = simulate(colour)?;
+    }
+    Ok((colour, found))
 }
 
 /// The search for the zero of an increasing function: bisection, then false position.
@@ -225,6 +251,25 @@ mod tests {
         };
         let found = match_picture(&flat, &search, &mut simulate).unwrap();
         assert!(!found.is_met && found.width < 0.06, "{found:?}");
+    }
+
+    #[test]
+    fn each_channel_finds_its_own_colour_and_one_out_of_reach_ends_at_its_bound() {
+        let cloth = |c: [f64; 3]| c.map(|c| 0.02 + 0.6 * c / (1.0 - 0.5 * c));
+        let planted = [0.9, 0.3, 0.002];
+        let near = |value: f64, wanted: f64| (value - wanted).abs() < 1e-4;
+        let mut simulate = |c| Ok::<_, Infallible>(cloth(c));
+        let ranges = ([[0.0, 0.98]; 3], [0.5; 3]);
+        let wanted = cloth(planted);
+        let (found, _) = match_colour(wanted, ranges, &near, |v| *v, &mut simulate).unwrap();
+        for (found, planted) in found.iter().zip(planted) {
+            assert!((found - planted).abs() < 2e-4, "{found} {planted}");
+        }
+        // The twin.
+        let bright = [2.0, wanted[1], wanted[2]];
+        let (found, seen) = match_colour(bright, ranges, &near, |v| *v, &mut simulate).unwrap();
+        assert!(found[0] > 0.979 && !near(seen[0], bright[0]), "{found:?}");
+        assert!((found[1] - planted[1]).abs() < 2e-4, "{found:?}");
     }
 
     #[test]

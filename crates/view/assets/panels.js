@@ -72,7 +72,7 @@ function print(document, i, figures) {
       fields.choice("Print size", table.size_mm ? "own" : "tile", [["tile", "the tile"], ["own", "in mm"]], (how) => set("size_mm")(how === "tile" ? null : figures?.tile_mm?.slice(0, 2) ?? [10, 10])),
       table.size_mm ? fields.vector("Print measures", table.size_mm, "mm", set("size_mm")) : null,
       fields.choice("Printed side", table.side ?? "face", ["face", "back", "both"], set("side")),
-      fields.choice("Print colours", table.mode ?? "multiply", [["multiply", "dye the fibres"], ["replace", "replace their colours"]], set("mode")),
+      fields.choice("Print colours", table.mode ?? "multiply", [["multiply", "dye the fibres"], ["replace", "replace their colours"], ["discharge", "take their dye away"]], set("mode")),
     ] : []),
     document.pictures.length || table ? null : element("p", { class: "hint" }, "Pictures in the folder of the file can be printed."),
   ];

@@ -120,7 +120,10 @@ pub(crate) const FABRIC_KEYS: &[(&[&str], Holds)] = &[
     (&["pile", "wales_per_cm"], Number),
     (&["print", "size_mm"], Numbers(2)),
     (&["print", "side"], Word(&["face", "back", "both"])),
-    (&["print", "mode"], Word(&["multiply", "replace"])),
+    (
+        &["print", "mode"],
+        Word(&["multiply", "replace", "discharge"]),
+    ),
     (&["print", "depth_um"], Number),
     (&["print", "colours"], Whole(2, 256)),
     (&["seed"], Whole(0, i64::MAX)),

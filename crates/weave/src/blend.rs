@@ -26,6 +26,8 @@ pub struct FibrePart {
     pub fibre_radius_mm: f64,
     /// Density of the fibre substance.
     pub fibre_density_g_per_cm3: f64,
+    /// Young's modulus along the fibres.
+    pub fibre_modulus_gpa: f64,
     /// Coefficient of variation of the radii.
     pub fibre_radius_cv: f64,
 }
@@ -46,25 +48,29 @@ struct Known {
     name: &'static str,
     fibre_radius_um: f64,
     fibre_density_g_per_cm3: f64,
+    fibre_modulus_gpa: f64,
 }
 
-/// Densities of nylon and acrylic: [MortonHearle2008]; that of elastane and all radii, those of
-/// 3.3 dtex for clothing and of 44 dtex for elastane, are estimated.
+/// Densities and moduli of nylon and acrylic: [MortonHearle2008]; those of elastane and all radii,
+/// of 3.3 dtex for clothing and of 44 dtex for elastane, are estimated.
 const KNOWN: [Known; 3] = [
     Known {
         name: "nylon",
         fibre_radius_um: 9.6,
         fibre_density_g_per_cm3: 1.14,
+        fibre_modulus_gpa: 3.4,
     },
     Known {
         name: "acrylic",
         fibre_radius_um: 9.4,
         fibre_density_g_per_cm3: 1.19,
+        fibre_modulus_gpa: 7.4,
     },
     Known {
         name: "elastane",
         fibre_radius_um: 34.0,
         fibre_density_g_per_cm3: 1.21,
+        fibre_modulus_gpa: 0.01,
     },
 ];
 /// Materials whose fibres are spun through nozzles, and the largest coefficient of variation of
@@ -78,13 +84,17 @@ pub fn names() -> Vec<&'static str> {
     preset::NAMES.into_iter().chain(known).collect()
 }
 
-/// Radius in micrometres and density of the fibres of a material.
-fn material(name: &str) -> Option<(f64, f64)> {
-    let known = KNOWN.iter().find(|k| k.name == name);
-    let known = known.map(|k| (k.fibre_radius_um, k.fibre_density_g_per_cm3));
+/// The fibres of a material.
+fn material(name: &str) -> Option<Known> {
+    let known = KNOWN.into_iter().find(|k| k.name == name);
     known.or_else(|| {
-        let spec = preset::preset(name)?.spec;
-        Some((spec.fibre_radius_um?, spec.fibre_density_g_per_cm3?))
+        let preset = preset::preset(name)?;
+        Some(Known {
+            name: preset.name,
+            fibre_radius_um: preset.spec.fibre_radius_um?,
+            fibre_density_g_per_cm3: preset.spec.fibre_density_g_per_cm3?,
+            fibre_modulus_gpa: preset.spec.fibre_modulus_gpa?,
+        })
     })
 }
 
@@ -92,6 +102,7 @@ fn material(name: &str) -> Option<(f64, f64)> {
 pub(crate) struct OwnFibres {
     pub radius_mm: f64,
     pub density_g_per_cm3: f64,
+    pub modulus_gpa: f64,
     pub radius_cv: f64,
 }
 
@@ -146,11 +157,11 @@ fn part(
     let material = known.and_then(|k| k.1);
     let radius_um = spec
         .fibre_radius_um
-        .or(material.map(|m| m.0))
+        .or(material.as_ref().map(|m| m.fibre_radius_um))
         .unwrap_or(1e3 * own.radius_mm);
     let density = spec
         .fibre_density_g_per_cm3
-        .or(material.map(|m| m.1))
+        .or(material.as_ref().map(|m| m.fibre_density_g_per_cm3))
         .unwrap_or(own.density_g_per_cm3);
     // The radius of the yarn itself is not rounded by the way to micrometres and back.
     let is_own = spec.fibre_radius_um.is_none() && material.is_none();
@@ -195,6 +206,7 @@ fn part(
         share,
         fibre_radius_mm: radius_mm,
         fibre_density_g_per_cm3: density,
+        fibre_modulus_gpa: material.map_or(own.modulus_gpa, |m| m.fibre_modulus_gpa),
         fibre_radius_cv: cv,
     })
 }

@@ -1,5 +1,6 @@
 //! A cloth: threads at rest, each a strand of plies and fibres.
 
+mod bending;
 mod borders;
 mod build;
 mod cover;
@@ -11,6 +12,7 @@ mod flattening;
 mod heights;
 mod import;
 mod irregularity;
+mod missing;
 mod nonwoven;
 mod openwork;
 mod pile;

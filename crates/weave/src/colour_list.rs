@@ -98,8 +98,11 @@ pub(crate) fn parse(text: &str) -> Result<Vec<Rgb>, String> {
         .collect())
 }
 
-/// One colour, by name or as `#rgb` or `#rrggbb` in sRGB.
-pub(crate) fn one(name: &str) -> Result<Rgb, String> {
+/// One colour, by name or as `#rgb` or `#rrggbb` in sRGB; linear.
+///
+/// # Errors
+/// What is wrong, with the nearest valid name.
+pub fn one(name: &str) -> Result<Rgb, String> {
     if let Some(digits) = name.strip_prefix('#') {
         let is_hex = digits.bytes().all(|b| b.is_ascii_hexdigit());
         let value = u32::from_str_radix(digits, 16);
@@ -229,8 +232,9 @@ pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
     deserializer.deserialize_any(List)
 }
 
-/// An element of a list of colours.
-struct OneColour(Rgb);
+/// A colour as an element of a list: three linear channels, or the name of one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OneColour(pub Rgb);
 
 impl<'de> serde::Deserialize<'de> for OneColour {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<OneColour, D::Error> {

@@ -2,7 +2,9 @@
 //!
 //! Structure (twist angles, cross-section, migration, hairs, loops) follows the procedural
 //! fits of micro-CT scans in `[Zhao2016]` where there is one; fibre size and
-//! density follow `[MortonHearle2008]`. Packing, twist direction, tex, aspect
+//! density follow `[MortonHearle2008]`. Moduli are its initial tensile moduli (cotton `Uppers`,
+//! Botany wool, degummed silk, polyester of medium tenacity, viscose staple, flax), in N/tex, times
+//! the density. Packing, twist direction, tex, aspect
 //! and stiffness are typical values of woven yarns, estimated except where
 //! the preset's source says otherwise.
 
@@ -30,6 +32,7 @@ struct Row {
     tex: f64,
     fibre_radius_um: f64,
     fibre_density_g_per_cm3: f64,
+    fibre_modulus_gpa: f64,
     fibre_volume_fraction: f64,
     twist_angle_deg: f64,
     aspect: f64,
@@ -50,6 +53,7 @@ const ROWS: [Row; 6] = [
         tex: 30.0,
         fibre_radius_um: 8.0,
         fibre_density_g_per_cm3: 1.52,
+        fibre_modulus_gpa: 7.6,
         fibre_volume_fraction: 0.6,
         twist_angle_deg: 21.0,
         aspect: 1.2,
@@ -66,6 +70,7 @@ const ROWS: [Row; 6] = [
         tex: 50.0,
         fibre_radius_um: 12.0,
         fibre_density_g_per_cm3: 1.31,
+        fibre_modulus_gpa: 3.0,
         fibre_volume_fraction: 0.45,
         twist_angle_deg: 18.0,
         aspect: 1.2,
@@ -82,6 +87,7 @@ const ROWS: [Row; 6] = [
         tex: 7.0,
         fibre_radius_um: 7.5,
         fibre_density_g_per_cm3: 1.34,
+        fibre_modulus_gpa: 9.8,
         fibre_volume_fraction: 0.65,
         twist_angle_deg: 3.0,
         aspect: 2.0,
@@ -98,6 +104,7 @@ const ROWS: [Row; 6] = [
         tex: 8.0,
         fibre_radius_um: 6.5,
         fibre_density_g_per_cm3: 1.39,
+        fibre_modulus_gpa: 14.7,
         fibre_volume_fraction: 0.6,
         twist_angle_deg: 4.0,
         aspect: 1.8,
@@ -114,6 +121,7 @@ const ROWS: [Row; 6] = [
         tex: 20.0,
         fibre_radius_um: 6.0,
         fibre_density_g_per_cm3: 1.49,
+        fibre_modulus_gpa: 9.7,
         fibre_volume_fraction: 0.53,
         twist_angle_deg: 21.0,
         aspect: 1.2,
@@ -130,6 +138,7 @@ const ROWS: [Row; 6] = [
         tex: 40.0,
         fibre_radius_um: 9.0,
         fibre_density_g_per_cm3: 1.53,
+        fibre_modulus_gpa: 27.5,
         fibre_volume_fraction: 0.6,
         twist_angle_deg: 15.0,
         aspect: 1.3,
@@ -177,6 +186,7 @@ pub fn preset(name: &str) -> Option<Preset> {
             fibres_per_ply: None,
             fibre_radius_um: Some(row.fibre_radius_um),
             fibre_density_g_per_cm3: Some(row.fibre_density_g_per_cm3),
+            fibre_modulus_gpa: Some(row.fibre_modulus_gpa),
             fibre_volume_fraction: Some(row.fibre_volume_fraction),
             ply_radius_mm: None,
             twist: Some(twist(TwistDirection::Z, row.twist_angle_deg)),

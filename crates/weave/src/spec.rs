@@ -58,8 +58,9 @@ pub struct FabricGeometry {
 impl FabricGeometry {
     /// The same cloth of even threads at even distances: without `irregularity`, `finish`,
     /// `fulling`, `evenness`, `drafting_waves`, `slubs`, `neps`, `fibre_radius_cv_percent`,
-    /// `wander`, `crimp`, `hairiness`, `flattening`, `spacing_cv_percent`, `reed_dents` and the
-    /// variation of the pile's height and lean. Hairs and loops, migration and colours stay.
+    /// `wander`, `crimp`, `hairiness`, `flattening`, `spacing_cv_percent`, `reed_dents`,
+    /// `missing` and the variation of the pile's height and lean. Hairs and loops, migration
+    /// and colours stay.
     pub fn without_irregularity(&self) -> FabricGeometry {
         let mut out = self.clone();
         for yarn in out.yarn.values_mut() {
@@ -83,6 +84,7 @@ impl FabricGeometry {
             threads.spacing_cv_percent = None;
             threads.wander = None;
             threads.reed_dents = None;
+            threads.missing = Vec::new();
         }
         if let Some(pile) = &mut out.pile {
             pile.height_cv_percent = None;
@@ -174,6 +176,9 @@ pub struct ThreadSetSpec {
     pub spacing_cv_percent: Option<f64>,
     /// Threads that wander sideways along their length.
     pub wander: Option<ThreadWanderSpec>,
+    /// Numbers of threads of the tile, from 0, that are not there; only of weaves.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub missing: Vec<u32>,
     /// Groups of ends with wider gaps between them; only of the warp.
     pub reed_dents: Option<ReedSpec>,
 }
@@ -210,6 +215,10 @@ pub struct YarnSpec {
     pub fibre_radius_um: Option<f64>,
     /// Density of the fibre substance.
     pub fibre_density_g_per_cm3: Option<f64>,
+    /// Young's modulus of the fibres along them, 0.001 to 1000 GPa; of use for the bending of the
+    /// cloth alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fibre_modulus_gpa: Option<f64>,
     /// Share of the ply's cross-section that is fibre.
     pub fibre_volume_fraction: Option<f64>,
     /// Radius of a ply, millimetres; gives the fibre volume fraction.

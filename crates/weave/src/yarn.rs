@@ -36,6 +36,8 @@ pub struct Yarn {
     pub fibre_radius_mm: f64,
     /// Density of the fibre substance; of a blend, the mean over its volume.
     pub fibre_density_g_per_cm3: f64,
+    /// Young's modulus of the fibres along them; parts of a blend have their own.
+    pub fibre_modulus_gpa: f64,
     /// Radius of a ply, millimetres.
     pub ply_radius_mm: f64,
     /// Distance of ply centres from the yarn's, millimetres; 0 for one ply.

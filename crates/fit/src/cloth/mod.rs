@@ -7,7 +7,7 @@ mod equations;
 mod first_guess;
 pub mod flags;
 mod means;
-mod model;
+pub(crate) mod model;
 mod photographs;
 mod pictures;
 mod placed;

@@ -5,6 +5,7 @@ use super::displaced::{mark_by_reed, thread_sways};
 use super::exemplar::{fit_of_design, needed_room_of_design};
 use super::flattening::at_rest;
 use super::import::imported;
+use super::missing::{self, without_missing};
 use super::nonwoven;
 use super::openwork;
 use super::pile;
@@ -78,6 +79,7 @@ impl Cloth {
                 return Err(Error::spec("pile", message));
             }
         }
+        missing::check(fabric)?;
         if fabric.ideal {
             let mut even = fabric.without_irregularity();
             even.ideal = false;
@@ -160,7 +162,10 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
     let mut draft = draft.tiled(ends, picks);
     colour(&mut draft.warp, &fabric.warp.colours);
     colour(&mut draft.weft, &fabric.weft.colours);
-    let mut cloth = weave(fabric, draft, None, seed)?;
+    let mut cloth = match without_missing(fabric, &draft)? {
+        Some((fabric, rest)) => weave(&fabric, rest, None, seed)?,
+        None => weave(fabric, draft, None, seed)?,
+    };
     cloth.warnings.splice(0..0, warnings);
     Ok(cloth)
 }

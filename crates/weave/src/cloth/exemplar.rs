@@ -212,6 +212,7 @@ fn check(fabric: &FabricGeometry) -> Result<(), Error> {
                 "threads at equal distances",
             ),
             ("wander", spec.wander.is_some(), "straight threads"),
+            ("missing", !spec.missing.is_empty(), "all threads"),
         ];
         if let Some((key, _, needed)) = refused.iter().find(|r| r.1) {
             let message = format!("[synthesis] needs {needed}; leave this key out");

@@ -1,5 +1,6 @@
 //! The figures by which textile engineers describe a cloth.
 
+use super::bending::{bending_length_mm, fibre_rigidity_n_mm2, rigidity_un_m};
 use super::cover::{cover_factor, openness};
 use super::nonwoven::Web;
 use super::pile::{Pile, loop_cover};
@@ -29,6 +30,11 @@ pub struct SystemFigures {
     pub width_mm: f64,
     /// See `width_mm`.
     pub height_mm: f64,
+    /// Flexural rigidity per width of the cloth where it bends along these threads, of woven
+    /// threads, estimated from their fibres: uN m.
+    pub bending_rigidity_un_m: Option<f64>,
+    /// The same as the bending length of the cantilever test, millimetres.
+    pub bending_length_mm: Option<f64>,
 }
 
 /// Figures of the pile.
@@ -159,10 +165,14 @@ struct Sum<'a> {
     period_mm: f64,
     width_mm: f64,
     height_mm: f64,
+    /// Flexural rigidity of woven threads, as if their fibres were free.
+    bending_n_mm2: f64,
 }
 
 impl Sum<'_> {
-    fn figures(&self, across_mm: f64) -> Option<SystemFigures> {
+    fn figures(&self, across_mm: f64, g_per_m2: f64) -> Option<SystemFigures> {
+        let rigidity =
+            (!self.woven.is_empty()).then(|| rigidity_un_m(self.bending_n_mm2, across_mm));
         (self.threads > 0.0).then(|| SystemFigures {
             threads_per_cm: 10.0 * self.threads / across_mm,
             tex: self.tex / self.threads,
@@ -173,6 +183,8 @@ impl Sum<'_> {
             },
             width_mm: self.width_mm / self.threads,
             height_mm: self.height_mm / self.threads,
+            bending_rigidity_un_m: rigidity,
+            bending_length_mm: rigidity.map(|g| bending_length_mm(g, g_per_m2)),
         })
     }
 }
@@ -279,6 +291,9 @@ impl<'a> Sums<'a> {
         };
         if let Centreline::Woven { .. } = thread.line {
             sum.woven.push(thread);
+            // Crimp and twist spread the bending over a longer fibre.
+            let stretched = per_length * length / path.period.length();
+            sum.bending_n_mm2 += present * fibres * fibre_rigidity_n_mm2(yarn) / stretched;
         }
         sum.threads += 1.0;
         sum.tex += yarn.tex();
@@ -339,7 +354,9 @@ impl Cloth {
         let pile = self.pile.as_ref().map(|pile| sums.pile(self, pile));
         let wales = (sums.wales > 0).then_some(sums.wales as f64);
         let yarn_length_mm = sums.warp.length_mm + sums.weft.length_mm + sums.other.length_mm;
-        let (warp, weft) = (sums.warp.figures(size.x), sums.weft.figures(size.y));
+        let areal_density_g_per_m2 = 1000.0 * sums.mass_mg / area;
+        let warp = sums.warp.figures(size.x, areal_density_g_per_m2);
+        let weft = sums.weft.figures(size.y, areal_density_g_per_m2);
         let cover_factor = match (&warp, &weft) {
             (Some(a), Some(b)) => {
                 let each = (1.0 - a.cover_factor) * (1.0 - b.cover_factor);
@@ -370,7 +387,7 @@ impl Cloth {
             nonwoven: self.web.as_ref().map(|w| self.nonwoven_figures(w)),
             cover_factor,
             thickness_mm,
-            areal_density_g_per_m2: 1000.0 * sums.mass_mg / area,
+            areal_density_g_per_m2,
             fibre_volume_fraction: sums.fibre_volume_mm3 / (area * thickness_mm),
             ply_fibre_volume_fraction: sums.packing,
             yarn_length_mm,

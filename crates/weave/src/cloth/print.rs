@@ -3,6 +3,7 @@
 use super::Cloth;
 use super::heights::Heights;
 use super::recolour::{MAX_MATERIALS, recoloured};
+use super::wear::undyed;
 use crate::Error;
 use crate::palette::{nearest, palette, seen};
 use glam::{DVec2, Vec2, Vec3};
@@ -33,6 +34,9 @@ pub struct PrintSpec {
     /// What becomes of the colour of the fibres.
     #[serde(default)]
     pub mode: PrintMode,
+    /// Colour of fibres that lost their dye, linear, 0 to 1; only for `discharge`. That of undyed
+    /// cotton if none.
+    pub undyed: Option<Rgb>,
     /// Colours to which the image is reduced, 2 to 256.
     #[serde(default = "colours")]
     pub colours: u32,
@@ -62,8 +66,11 @@ pub enum PrintMode {
     /// It is multiplied by that of the image, as by a dye.
     #[default]
     Multiply,
-    /// That of the image takes its place, as with a discharge print.
+    /// That of the image takes its place, as pigment does, or a discharge paste with dye in it.
     Replace,
+    /// It fades towards `undyed`, as where a paste discharges the dye: fully where the image is
+    /// white.
+    Discharge,
 }
 
 /// A picture to print: colours in linear RGB, rows from the top.
@@ -113,6 +120,12 @@ impl Cloth {
         let materials = self.recolour(palette.len(), |own, ink| match spec.mode {
             PrintMode::Multiply => Rgb(own.0 * palette[ink].0),
             PrintMode::Replace => palette[ink],
+            PrintMode::Discharge => {
+                let undyed = spec.undyed.unwrap_or_else(undyed);
+                Rgb(own
+                    .0
+                    .lerp(undyed.0, palette[ink].luminance().clamp(0.0, 1.0)))
+            }
         });
         let inks: Vec<Vec3> = palette.iter().map(|ink| seen(*ink)).collect();
         let nearest = |pixel: &Rgb| nearest(&inks, seen(*pixel)) as u8;
@@ -153,6 +166,19 @@ fn check(spec: &PrintSpec, image: &PrintImage) -> Result<(), Error> {
             "colours",
             format!("expected 2 to 256, found {}", spec.colours),
         );
+    }
+    match (spec.undyed, spec.mode) {
+        (None, _) => {}
+        (Some(_), PrintMode::Multiply | PrintMode::Replace) => {
+            let message = "only applies to mode = \"discharge\"".to_owned();
+            return fail("undyed", message);
+        }
+        (Some(undyed), PrintMode::Discharge) => {
+            let channels = undyed.0.to_array();
+            if let Some(c) = channels.iter().find(|c| !(0.0..=1.0).contains(*c)) {
+                return fail("undyed", format!("expected numbers from 0 to 1, found {c}"));
+            }
+        }
     }
     match spec.depth_um {
         Some(um) if !(0.0..=1e6).contains(&um) => fail(

@@ -1,3 +1,4 @@
+mod bending;
 mod blended;
 mod covered;
 mod crimped;
@@ -7,6 +8,7 @@ mod fulled;
 mod imported;
 mod irregular;
 mod layered;
+mod missing;
 mod nepped;
 mod nonwoven;
 mod openwork;

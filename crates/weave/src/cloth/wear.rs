@@ -37,8 +37,8 @@ pub struct WearSpec {
     pub pills: Option<PillSpec>,
 }
 
-/// Cotton without dye.
-fn undyed() -> Rgb {
+/// Cotton without dye (estimated).
+pub(super) fn undyed() -> Rgb {
     Rgb::new(0.6, 0.55, 0.45)
 }
 

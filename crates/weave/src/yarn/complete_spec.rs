@@ -48,6 +48,7 @@ impl<'a> CompleteSpec<'a> {
             fibres_per_ply: own.fibres_per_ply,
             fibre_radius_um: own.fibre_radius_um.or(base.fibre_radius_um),
             fibre_density_g_per_cm3: own.fibre_density_g_per_cm3.or(base.fibre_density_g_per_cm3),
+            fibre_modulus_gpa: own.fibre_modulus_gpa.or(base.fibre_modulus_gpa),
             fibre_volume_fraction: own.fibre_volume_fraction.or(base.fibre_volume_fraction),
             ply_radius_mm: own.ply_radius_mm,
             twist: own.twist.or(base.twist.filter(|_| !is_ribbon)),
@@ -123,9 +124,11 @@ impl<'a> CompleteSpec<'a> {
                 0.0,
                 50.0,
             )?;
+        let modulus_gpa = self.number("fibre_modulus_gpa", spec.fibre_modulus_gpa, 1e-3, 1e3)?;
         let own = OwnFibres {
             radius_mm: fibre_radius_mm,
             density_g_per_cm3: density,
+            modulus_gpa,
             radius_cv: fibre_radius_cv,
         };
         let parts = blend::parts(&spec.blend, &own, &|key| self.key(key))?;
@@ -160,6 +163,7 @@ impl<'a> CompleteSpec<'a> {
             fibres_per_ply: fibres as u32,
             fibre_radius_mm,
             fibre_density_g_per_cm3: density,
+            fibre_modulus_gpa: modulus_gpa,
             ply_radius_mm,
             ply_centre_mm,
             twist_rad_per_mm: rate("twist", spec.twist, ply_radius_mm)?,

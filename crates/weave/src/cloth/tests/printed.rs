@@ -21,6 +21,7 @@ fn spec() -> PrintSpec {
         side: PrintSide::Face,
         depth_um: None,
         mode: PrintMode::Replace,
+        undyed: None,
         colours: 8,
     }
 }
@@ -89,6 +90,58 @@ fn the_face_has_the_colours_of_the_image() {
     };
     let [red, ..] = lengths(&printed(&back));
     assert!(red[1] < 0.5 * red[0], "{red:?}");
+}
+
+/// White paste takes all dye, black none, and grey its share; under the paste's depth dye stays.
+#[test]
+fn discharge_fades_the_ground_where_the_image_is_bright() {
+    let undyed = Rgb::new(0.6, 0.5, 0.4);
+    let discharge = |grey: f32, mode| {
+        let mut fabric = fabric("plain");
+        fabric.warp.colours = vec![BLUE];
+        fabric.weft.colours = vec![BLUE];
+        let mut cloth = build(&fabric);
+        let spec = PrintSpec {
+            mode,
+            undyed: (mode == PrintMode::Discharge).then_some(undyed),
+            ..spec()
+        };
+        let image = PrintImage {
+            size: [1, 1],
+            pixels: vec![Rgb::new(grey, grey, grey)],
+        };
+        cloth.print(&spec, &image).unwrap();
+        let mut colours = Vec::new();
+        for batch in 0..cloth.batch_count() {
+            cloth.for_each_in_batch(batch, &mut |s| {
+                let at_z = 0.5 * (s.start_mm.z + s.end_mm.z);
+                colours.push((at_z, cloth.materials()[usize::from(s.material)].colour));
+            });
+        }
+        let least = |a: &&(f32, Option<Rgb>), b: &&(f32, Option<Rgb>)| a.0.total_cmp(&b.0);
+        let [low, high] = [colours.iter().min_by(least), colours.iter().max_by(least)];
+        [low, high].map(|found| found.unwrap().1.unwrap())
+    };
+    let near = |a: Rgb, b: Rgb| (a.0 - b.0).abs().max_element() < 0.01;
+    for (grey, left) in [(1.0, 0.0), (0.25, 0.75), (0.0, 1.0)] {
+        let [low, high] = discharge(grey, PrintMode::Discharge);
+        assert!(near(low, BLUE), "{low:?}");
+        assert!(
+            near(high, Rgb(undyed.0.lerp(BLUE.0, left))),
+            "{grey}: {high:?}"
+        );
+    }
+    // The twin: a dye that is multiplied darkens.
+    assert!(!near(
+        discharge(0.25, PrintMode::Multiply)[1],
+        Rgb(undyed.0.lerp(BLUE.0, 0.75))
+    ));
+    let misplaced = PrintSpec {
+        undyed: Some(undyed),
+        ..spec()
+    };
+    let error = plain().print(&misplaced, &image()).unwrap_err().to_string();
+    assert!(error.starts_with("print.undyed: "), "{error}");
 }
 
 #[test]
