@@ -194,9 +194,8 @@ fn pile_ends(cloth: &Cloth) -> (Vec<Line>, Room) {
 fn loops_that_collide_hardly_overlap() {
     let dense = LOOP.replace("'both'", "'face'");
     for text in [LOOP, dense.as_str()] {
-        let [plain, pushed] = ["", "\ncollide = true"].map(|key| {
-            build(&with_pile(&format!("{text}{key}"), 6))
-        });
+        let [plain, pushed] =
+            ["", "\ncollide = true"].map(|key| build(&with_pile(&format!("{text}{key}"), 6)));
         let face_mm = plain.pile.as_ref().unwrap().face_mm;
         let [plain, pushed] = [plain, pushed].map(|cloth| pile_ends(&cloth));
         let depth = |(lines, room): &(Vec<Line>, Room)| {
