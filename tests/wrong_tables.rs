@@ -51,6 +51,8 @@ const NUMBERS: [(&str, &str, &[&str]); 6] = [
             "pile.lean_deg",
             "pile.lean_direction_deg",
             "pile.lean_deviation_deg",
+            "pile.ruffle_deg",
+            "pile.ruffle_mm",
             "pile.splay",
             "pile.wave",
             "pile.turn_deg",
