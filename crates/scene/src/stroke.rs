@@ -213,9 +213,9 @@ mod tests {
         };
         let [bent, straight] = [&bent, &strokes[0]].map(|s| [s.way()]);
         let at = |ways: &[Way; 1], x, y| Way::tangent_after(ways, Vec2::new(x, y), Vec2::ZERO);
-        let top = at(&bent, 0.0, 2.0);
+        let top = at(&bent, 0.0, 3.0);
         assert!(top.abs_diff_eq(Vec2::X, 0.02), "{top}");
         assert!(at(&bent, 4.0, -0.8).y < -0.1 && at(&bent, -4.0, -0.8) == Vec2::ZERO);
-        assert_eq!(at(&straight, 0.0, 2.0), Vec2::ZERO);
+        assert_eq!(at(&straight, 0.0, 3.0), Vec2::ZERO);
     }
 }
