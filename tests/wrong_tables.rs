@@ -20,6 +20,7 @@ nonwoven/spunbond | nonwoven.tile_mm=[1, 1] | nonwoven.bonding.area_percent
 nonwoven/spunbond | nonwoven.tile_mm=[1, 1] | nonwoven.bonding.thickness_mm
 pile/velvet | tile.repeats=[1, 1] | pile.height_mm pile.height_cv_percent pile.tufts_per_cm2 pile.splay
 pile/velvet | tile.repeats=[1, 1] | pile.lean_deg pile.lean_direction_deg pile.lean_deviation_deg
+pile/velvet | tile.repeats=[1, 1] | pile.ruffle_deg pile.ruffle_mm
 pile/velvet | tile.repeats=[1, 1] | pile.wave pile.turn_deg pile.wales_per_cm pile.wale_width
 lace/tulle | tile.repeats=[1, 1] | warp.per_cm weft.per_cm
 print/roses | tile.repeats=[1, 1] | print.depth_um

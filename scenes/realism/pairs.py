@@ -3,6 +3,7 @@ pictures side by side in pairs.jpg.
 
     python3 scenes/realism/pairs.py [--organza ORGANZA] [--spp N] [--denoise] [--only LABEL]
     python3 scenes/realism/pairs.py --sheet fibres    blends of materials and crimp: fibres.jpg
+    python3 scenes/realism/pairs.py --sheet pile_pairs    loops that collide, ruffle, crushed velvet
 
 Needs Pillow, and the library of `organza denoise` for --denoise.
 """
@@ -123,13 +124,28 @@ FIBRES = [
     ("wear", DENIM, {"tables": "[wear]\namount = 0.9\ndepth_um = 90.0\ncolour = [0.3, 0.31, 0.31]"}, 7),
 ]
 
+TERRY = {"repeats": 6, "per_cm": 14, "colour": "[0.34, 0.315, 0.28]", "weft_colour": "[0.34, 0.315, 0.28]", "yarn": ""}
+LOOPS = ('[pile]\nkind = "loop"\nyarn = "pile"\nevery = [1, 2]\nheight_mm = 2.4\nheight_cv_percent = 8.0\n'
+         'colours = [[0.34, 0.315, 0.28]]\nlean_deg = 8.0\nlean_deviation_deg = 16.0\nturn_deg = 35.0\n{}\n'
+         '[yarn.pile]\npreset = "cotton"\ntex = 59.0\nfibre_volume_fraction = 0.32')
+STROKED = {"scene": "../gallery/stroked.toml", "sets": ["object.0.stroke=[]"]}
+CRUSHED = STROKED["sets"] + ["object.0.crush={ lean_deg = 50.0, size_mm = 7.0, seed = 1 }"]
+PILE = [
+    ("loops collide", TERRY | {"tables": LOOPS.format("")}, {"tables": LOOPS.format("collide = true")}, 16),
+    ("collide, ruffle", TERRY | {"tables": LOOPS.format("")},
+     {"tables": LOOPS.format("collide = true\nruffle_deg = 28.0\nruffle_mm = 2.5")}, 16),
+    ("crushed", STROKED, {"sets": CRUSHED}, 26),
+]
+
 
 def render(cloth, fov_deg, folder, options):
     file, picture = folder / "fabric.toml", folder / "cell.png"
     file.write_text(FABRIC.format(**cloth))
-    sets = [f'object.1.fabric="{file}"', f"camera.fov_deg={fov_deg}", f"camera.resolution={list(SIZE)}"]
+    scene, own = cloth.get("scene"), f'object.1.fabric="{file}"'
+    sets = cloth["sets"] if scene else [own]
+    sets = [*sets, f"camera.fov_deg={fov_deg}", f"camera.resolution={list(SIZE)}"]
     sets = [word for one in sets for word in ("--set", one)]
-    command = [options.organza, "render", HERE / "realism.toml", "-o", picture, "--quiet",
+    command = [options.organza, "render", HERE / (scene or "realism.toml"), "-o", picture, "--quiet",
                "--spp", str(options.spp), "--threads", str(options.threads)]
     subprocess.run([*command, *sets, *(["--denoise"] if options.denoise else [])], check=True)
     with Image.open(picture) as cell:
@@ -143,10 +159,10 @@ def main():
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--denoise", action="store_true")
     parser.add_argument("--only", help="pairs whose label holds this")
-    parser.add_argument("--sheet", choices=["pairs", "fibres"], default="pairs")
+    parser.add_argument("--sheet", choices=["pairs", "fibres", "pile_pairs"], default="pairs")
     parser.add_argument("-o", "--outfile", type=Path, help="SHEET.jpg without it")
     options = parser.parse_args()
-    sheet_of = {"pairs": PAIRS, "fibres": FIBRES}[options.sheet]
+    sheet_of = {"pairs": PAIRS, "fibres": FIBRES, "pile_pairs": PILE}[options.sheet]
     pairs = [pair for pair in sheet_of if options.only is None or options.only in pair[0]]
     rows = -(-len(pairs) * 2 // COLUMNS)
     (width, height) = SIZE

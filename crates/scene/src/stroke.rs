@@ -7,17 +7,25 @@ use serde::Deserialize;
 const SOFT: f32 = 0.8;
 /// Length of a mesh's edges there, in widths of the stroke.
 const FINE: f32 = 0.06;
+/// Most places between its ends, and how often corners are cut.
+const MOST_BENDS: usize = 64;
+const ROUNDINGS: usize = 3;
 
 /// A stroke over the pile of a cloth that lies on a mesh: from then on it leans along the stroke.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct Stroke {
     /// Where it begins, on the cloth: mm along weft and warp.
     pub from_mm: [f32; 2],
     /// Where it ends.
     pub to_mm: [f32; 2],
+    /// Places that it bends toward in between, at most 64; straight without them.
+    #[serde(default)]
+    pub through_mm: Vec<[f32; 2]>,
     /// Its width, mm.
     pub width_mm: f32,
+    /// Its width where it ends, mm; that where it begins without it.
+    pub to_width_mm: Option<f32>,
     /// How far the pile leans along it, beside its own lean: -60 to 60 degrees.
     pub lean_deg: f32,
 }
@@ -41,9 +49,20 @@ impl Stroke {
     /// `.key: what was expected`.
     pub fn check(&self) -> Result<(), String> {
         check_places(self.from_mm, self.to_mm)?;
-        if !(1e-3..=1e6).contains(&self.width_mm) {
-            let found = self.width_mm;
-            return Err(format!(".width_mm: expected 0.001 to 1e6, found {found}"));
+        let are_near = self.through_mm.iter().flatten().all(|x| x.abs() <= 1e6);
+        if self.through_mm.len() > MOST_BENDS || !are_near {
+            let most = MOST_BENDS;
+            return Err(format!(
+                ".through_mm: expected at most {most} places within 1e6 mm"
+            ));
+        }
+        for (key, width_mm) in [
+            ("width_mm", Some(self.width_mm)),
+            ("to_width_mm", self.to_width_mm),
+        ] {
+            if let Some(found) = width_mm.filter(|w| !(1e-3..=1e6).contains(w)) {
+                return Err(format!(".{key}: expected 0.001 to 1e6, found {found}"));
+            }
         }
         if !(-60.0..=60.0).contains(&self.lean_deg) {
             let found = self.lean_deg;
@@ -52,32 +71,101 @@ impl Stroke {
         Ok(())
     }
 
-    /// How much of it a place has: one in its middle, none beside it.
-    fn share(&self, at_mm: Vec2) -> f32 {
-        let [from, to] = [self.from_mm, self.to_mm].map(Vec2::from);
-        let along = (at_mm - from).dot(to - from) / (to - from).length_squared();
-        let nearest = from + along.clamp(0.0, 1.0) * (to - from);
-        let inside = (0.5 - at_mm.distance(nearest) / self.width_mm) / (0.5 * SOFT);
-        let inside = inside.clamp(0.0, 1.0);
-        inside * inside * (3.0 - 2.0 * inside)
+    /// The way of the hand.
+    pub(crate) fn way(&self) -> Way {
+        let given = [self.from_mm]
+            .into_iter()
+            .chain(self.through_mm.iter().copied());
+        let mut points: Vec<Vec2> = given.chain([self.to_mm]).map(Vec2::from).collect();
+        for _ in 0..ROUNDINGS {
+            points = rounded(&points);
+        }
+        let mut at_mm = vec![0.0];
+        for pair in points.windows(2) {
+            at_mm.push(at_mm[at_mm.len() - 1] + pair[0].distance(pair[1]));
+        }
+        Way {
+            points,
+            at_mm,
+            widths_mm: [self.width_mm, self.to_width_mm.unwrap_or(self.width_mm)],
+            tangent: self.lean_deg.to_radians().tan(),
+        }
+    }
+}
+
+/// A line whose corners are cut at quarters of its pieces: its ends stay.
+fn rounded(points: &[Vec2]) -> Vec<Vec2> {
+    let [first, .., last] = points else {
+        return points.to_vec();
+    };
+    if points.len() < 3 {
+        return points.to_vec();
+    }
+    let cut = points
+        .windows(2)
+        .flat_map(|w| [w[0].lerp(w[1], 0.25), w[0].lerp(w[1], 0.75)]);
+    let mut cut: Vec<Vec2> = cut.collect();
+    cut[0] = *first;
+    if let Some(end) = cut.last_mut() {
+        *end = *last;
+    }
+    cut
+}
+
+/// The way of a stroke, with its corners rounded.
+pub(crate) struct Way {
+    points: Vec<Vec2>,
+    /// Length of the way up to every point.
+    at_mm: Vec<f32>,
+    /// Widths where it begins and ends.
+    widths_mm: [f32; 2],
+    /// Lean along it.
+    tangent: f32,
+}
+
+impl Way {
+    /// Distance to the way from a place, and there its direction and the width of the stroke.
+    fn nearest(&self, at_mm: Vec2) -> (f32, Vec2, f32) {
+        let length_mm = self.at_mm[self.at_mm.len() - 1];
+        let piece = |(pair, ends_mm): (&[Vec2], &[f32])| {
+            let [from, to] = [pair[0], pair[1]];
+            let along = (at_mm - from).dot(to - from) / (to - from).length_squared();
+            let along = if along.is_finite() {
+                along.clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
+            let away = at_mm.distance(from + along * (to - from));
+            let run = (ends_mm[0] + along * (ends_mm[1] - ends_mm[0])) / length_mm;
+            let [from_mm, to_mm] = self.widths_mm;
+            let width_mm = from_mm + run * (to_mm - from_mm);
+            (away, (to - from).normalize_or_zero(), width_mm)
+        };
+        let pieces = self.points.windows(2).zip(self.at_mm.windows(2)).map(piece);
+        let first = (f32::INFINITY, Vec2::ZERO, self.widths_mm[0]);
+        pieces.fold(first, |best, p| if p.0 < best.0 { p } else { best })
     }
 
     /// How long the edges of a mesh may be at a place so that the stroke shows: short at its edge.
     pub fn longest_edge_mm(&self, at_mm: Vec2) -> f32 {
-        let [from, to] = [self.from_mm, self.to_mm].map(Vec2::from);
-        let along = (at_mm - from).dot(to - from) / (to - from).length_squared();
-        let away = at_mm.distance(from + along.clamp(0.0, 1.0) * (to - from));
-        let edge = 0.5 * (1.0 - 0.5 * SOFT) * self.width_mm;
-        let half = 0.25 * SOFT * self.width_mm;
-        FINE * self.width_mm + ((away - edge).abs() - half).max(0.0)
+        let (away, _, width_mm) = self.nearest(at_mm);
+        let edge = 0.5 * (1.0 - 0.5 * SOFT) * width_mm;
+        let half = 0.25 * SOFT * width_mm;
+        FINE * width_mm + ((away - edge).abs() - half).max(0.0)
     }
 
-    /// The lean at a place after strokes one after the other, as tangents along weft and warp.
-    pub fn tangent_after(strokes: &[Stroke], at_mm: Vec2) -> Vec2 {
-        strokes.iter().fold(Vec2::ZERO, |before, stroke| {
-            let [from, to] = [stroke.from_mm, stroke.to_mm].map(Vec2::from);
-            let own = (to - from).normalize_or_zero() * stroke.lean_deg.to_radians().tan();
-            before.lerp(own, stroke.share(at_mm))
+    /// The lean at a place after strokes one after the other over pile of another lean, as tangents
+    /// along weft and warp.
+    pub fn tangent_after(ways: &[Way], at_mm: Vec2, before: Vec2) -> Vec2 {
+        ways.iter().fold(before, |before, way| {
+            let (away, direction, width_mm) = way.nearest(at_mm);
+            // One in the middle of the stroke, none beside it.
+            let inside = (0.5 - away / width_mm) / (0.5 * SOFT);
+            let inside = inside.clamp(0.0, 1.0);
+            before.lerp(
+                direction * way.tangent,
+                inside * inside * (3.0 - 2.0 * inside),
+            )
         })
     }
 }
@@ -92,14 +180,17 @@ mod tests {
         let stroke = |from_mm, to_mm| Stroke {
             from_mm,
             to_mm,
+            through_mm: Vec::new(),
             width_mm: 2.0,
+            to_width_mm: None,
             lean_deg: 45.0,
         };
         let strokes = [
             stroke([-5.0, 0.0], [5.0, 0.0]),
             stroke([0.0, -5.0], [0.0, 5.0]),
         ];
-        let at = |x, y| Stroke::tangent_after(&strokes, Vec2::new(x, y));
+        let ways = strokes.each_ref().map(Stroke::way);
+        let at = |x, y| Way::tangent_after(&ways, Vec2::new(x, y), Vec2::ZERO);
         assert!(at(3.0, 0.0).abs_diff_eq(Vec2::X, 1e-6));
         assert!(at(0.0, 0.0).abs_diff_eq(Vec2::Y, 1e-6));
         assert_eq!(at(3.0, 1.1), Vec2::ZERO);
@@ -108,11 +199,23 @@ mod tests {
         assert!(edge.x > 0.1 && edge.x < 0.9, "{edge}");
         let refused = Stroke {
             width_mm: 0.0,
-            ..strokes[0]
+            ..strokes[0].clone()
         };
         assert_eq!(
             refused.check().unwrap_err(),
             ".width_mm: expected 0.001 to 1e6, found 0"
         );
+        // One that bends leans along its bend, and grows wider; the twin goes straight.
+        let bent = Stroke {
+            through_mm: vec![[0.0, 4.0]],
+            to_width_mm: Some(6.0),
+            ..strokes[0].clone()
+        };
+        let [bent, straight] = [&bent, &strokes[0]].map(|s| [s.way()]);
+        let at = |ways: &[Way; 1], x, y| Way::tangent_after(ways, Vec2::new(x, y), Vec2::ZERO);
+        let top = at(&bent, 0.0, 3.0);
+        assert!(top.abs_diff_eq(Vec2::X, 0.02), "{top}");
+        assert!(at(&bent, 4.0, -0.8).y < -0.1 && at(&bent, -4.0, -0.8) == Vec2::ZERO);
+        assert_eq!(at(&straight, 0.0, 3.0), Vec2::ZERO);
     }
 }

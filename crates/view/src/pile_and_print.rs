@@ -13,9 +13,10 @@ const KINDS: [(&str, &[&str]); 3] = [
     ("wale", &["every", "wales_per_cm"]),
 ];
 /// Keys that belong to some kinds alone.
-const OF_A_KIND: [&str; 5] = [
+const OF_A_KIND: [&str; 6] = [
     "tufts_per_cm2",
     "sides",
+    "collide",
     "turn_deg",
     "wales_per_cm",
     "wale_width",

@@ -1,9 +1,11 @@
-//! Pushes curves apart in space until they touch at most: fibres of nonwovens, yarns of nets.
+//! Pushes curves apart in space until they touch at most: fibres of nonwovens, yarns of nets, loops
+//! of pile.
 //!
 //! Curves are polylines in a room that repeats in x and y. Rounds of pushes between pieces that
 //! are too near alternate with smoothing of the displacements along each curve, so that a curve
 //! bends around another and gets no kink. The last rounds only push. Pieces are visited in the
-//! order of their cells: equal lines give equal results.
+//! order of their cells: equal lines give equal results. Curves that are held in places keep their
+//! lengths.
 
 use glam::{DVec2, DVec3};
 use std::cmp::Ordering;
@@ -15,6 +17,9 @@ pub(crate) struct Line {
     pub radius_mm: f64,
     /// What separates the line from its next copy; `None` for one that ends.
     pub period: Option<DVec3>,
+    /// Which points stay where they are. A line that has such points keeps the lengths of its
+    /// pieces; empty for one that is free and may stretch.
+    pub held: Vec<bool>,
 }
 
 /// The space of the curves.
@@ -32,6 +37,9 @@ const PUSHING_ROUNDS: usize = 3;
 const PUSHES: usize = 6;
 /// Share of the differences along a curve that smoothing removes after a round.
 const SMOOTHING: f64 = 0.25;
+/// Sweeps that give the pieces of held lines their lengths back, after every push and at the end.
+const SWEEPS: usize = 2;
+const LAST_SWEEPS: usize = 40;
 /// Pieces are neighbours in a round when their distance is below this many sums of radii.
 const REACH: f64 = 1.6;
 /// Pieces of one curve are neighbours when the length between them is above this many radii.
@@ -71,8 +79,16 @@ impl Line {
     }
 
     pub fn length_mm(&self) -> f64 {
+        self.lengths_mm().sum()
+    }
+
+    fn lengths_mm(&self) -> impl Iterator<Item = f64> {
         let pieces = (0..self.pieces()).map(|i| self.ends(i).0);
-        pieces.map(|[a, b]| a.distance(b)).sum()
+        pieces.map(|[a, b]| a.distance(b))
+    }
+
+    fn is_held(&self, point: usize) -> bool {
+        self.held.get(point).is_some_and(|held| *held)
     }
 
     /// Length between two pieces along the line, in pieces.
@@ -288,17 +304,45 @@ fn gap(lines: &[Line], pieces: &[Piece], pair: &Pair) -> (f64, f64, DVec3) {
     (s, t, apart)
 }
 
-/// Moves the point at the share `s` of a piece by `by`.
+/// Moves the point at the share `s` of a piece by `by`, as far as its ends are free.
 fn shift(line: &mut Line, first: usize, s: f64, by: DVec3) {
     let next = line.ends(first).1;
     let scale = 1.0 / ((1.0 - s).powi(2) + s * s);
-    line.points[first] += (1.0 - s) * scale * by;
-    line.points[next] += s * scale * by;
+    for (point, share) in [(first, 1.0 - s), (next, s)] {
+        if !line.is_held(point) {
+            line.points[point] += share * scale * by;
+        }
+    }
+}
+
+/// Gives the pieces of a line their lengths back, sweep by sweep.
+fn restore_lengths(line: &mut Line, lengths_mm: &[f64], sweeps: usize) {
+    for i in (0..sweeps).flat_map(|_| 0..lengths_mm.len()) {
+        let ([a, b], next) = line.ends(i);
+        let free = [i, next].map(|p| f64::from(u8::from(!line.is_held(p))));
+        let both = free[0] + free[1];
+        if both > 0.0 {
+            let along = (b - a).try_normalize().unwrap_or(DVec3::Z);
+            let excess = (a.distance(b) - lengths_mm[i]) / both * along;
+            line.points[i] += free[0] * excess;
+            line.points[next] -= free[1] * excess;
+        }
+    }
 }
 
 /// Pushes the lines apart.
 pub(crate) fn separate(lines: &mut [Line], room: Room) {
     let before: Vec<Vec<DVec3>> = lines.iter().map(|l| l.points.clone()).collect();
+    let lengths_mm = |l: &Line| match l.held.is_empty() {
+        true => Vec::new(),
+        false => l.lengths_mm().collect(),
+    };
+    let lengths_mm: Vec<Vec<f64>> = lines.iter().map(lengths_mm).collect();
+    let restore = |lines: &mut [Line], sweeps| {
+        for (line, lengths_mm) in lines.iter_mut().zip(&lengths_mm) {
+            restore_lengths(line, lengths_mm, sweeps);
+        }
+    };
     let mut pieces = Vec::new();
     let mut pairs = Vec::new();
     for round in 0..ROUNDS {
@@ -325,6 +369,7 @@ pub(crate) fn separate(lines: &mut [Line], room: Room) {
                 shift(&mut lines[a], p.first as usize, s, -push);
                 shift(&mut lines[b], q.first as usize, t, push);
             }
+            restore(lines, SWEEPS);
             for (line, before) in lines.iter_mut().zip(&before) {
                 for (at, first) in line.points.iter_mut().zip(before) {
                     let [low, high] = room.faces_mm;
@@ -341,6 +386,7 @@ pub(crate) fn separate(lines: &mut [Line], room: Room) {
             }
         }
     }
+    restore(lines, LAST_SWEEPS);
 }
 
 /// Smooths the displacements of a line.
@@ -356,6 +402,9 @@ fn smooth(line: &mut Line, before: &[DVec3]) {
         .map(|(p, b)| *p - *b)
         .collect();
     for i in 0..n {
+        if line.is_held(i) {
+            continue;
+        }
         let (a, b) = match line.period {
             Some(_) => ((i + n - 1) % n, (i + 1) % n),
             None => (i.saturating_sub(1), (i + 1).min(n - 1)),

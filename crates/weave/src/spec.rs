@@ -89,6 +89,7 @@ impl FabricGeometry {
         if let Some(pile) = &mut out.pile {
             pile.height_cv_percent = None;
             pile.lean_deviation_deg = None;
+            pile.ruffle_deg = None;
             pile.turn_deg = Some(0.0);
         }
         out

@@ -4,6 +4,7 @@ use super::laying::Laying;
 use super::{At, ObjectKind};
 use crate::build_options::BuildOptions;
 use crate::cloth_place::{ClothPlace, FarSheet};
+use crate::crush::{Crush, CrushedLean};
 use crate::drape::{self, MeshKeys};
 use crate::error::{InputError, Result};
 use crate::fabric_file::{Fabric, load};
@@ -15,7 +16,7 @@ use crate::read;
 use crate::representation::{Build, EXPLICIT_FIBRES, ModelKey, ShownAs, VoxelBuild, owners};
 use crate::scattering::ScatteringTable;
 use crate::stitch::{self, Row, Stitch};
-use crate::stroke::Stroke;
+use crate::stroke::{Stroke, Way};
 use crate::volume_cache::VolumePlan;
 use glam::DVec3;
 use organza_basis::{Budget, CellGrid, SegmentSource};
@@ -70,6 +71,8 @@ pub struct ClothTable {
     /// With `mesh`: strokes over the pile, one after the other.
     #[serde(default)]
     pub stroke: Vec<Stroke>,
+    /// With `mesh`: pile that was crushed before the strokes.
+    pub crush: Option<Crush>,
     /// With `mesh`: rows of stitches.
     #[serde(default)]
     pub stitch: Vec<Stitch>,
@@ -114,8 +117,12 @@ impl ObjectKind for ClothTable {
         if self.extent_mm.is_some() && self.mesh.is_some() {
             return Err(at.fail(": extent_mm is for flat cloth and does not go with mesh"));
         }
-        for (key, count) in [("stroke", self.stroke.len()), ("stitch", self.stitch.len())] {
-            if count > 0 && self.mesh.is_none() {
+        for (key, is_given) in [
+            ("stroke", !self.stroke.is_empty()),
+            ("crush", self.crush.is_some()),
+            ("stitch", !self.stitch.is_empty()),
+        ] {
+            if is_given && self.mesh.is_none() {
                 return Err(at.fail(format!(".{key}: belongs to a `mesh`, which is not given")));
             }
         }
@@ -126,6 +133,10 @@ impl ObjectKind for ClothTable {
         for (i, stroke) in self.stroke.iter().enumerate() {
             let checked = stroke.check();
             checked.map_err(|why| at.fail(format!(".stroke[{i}]{why}")))?;
+        }
+        if let Some(crush) = &self.crush {
+            let checked = crush.check();
+            checked.map_err(|why| at.fail(format!(".crush{why}")))?;
         }
         if let Some(found) = self.voxel_um.filter(|v| !(*v > 0.0 && v.is_finite())) {
             return Err(at.fail(format!(
@@ -211,8 +222,13 @@ fn fabric_and_showing(
             )));
         }
     }
-    if !table.stroke.is_empty() && fabric.file.pile.is_none() {
-        return Err(fail(".stroke: the fabric has no [pile]"));
+    for (key, is_given) in [
+        ("stroke", !table.stroke.is_empty()),
+        ("crush", table.crush.is_some()),
+    ] {
+        if is_given && fabric.file.pile.is_none() {
+            return Err(fail(&format!(".{key}: the fabric has no [pile]")));
+        }
     }
     if as_fibres {
         shown = ShownAs::usual(&EXPLICIT_FIBRES);
@@ -288,6 +304,7 @@ fn check(
     let (fabric, shown) = fabric_and_showing(table, index, as_fibres, options)?;
     drape::mesh(table.mesh_keys(), index, options)?;
     rows(table, &fabric, index, options)?;
+    crushed_lean(table, index, options)?;
     let path = read::beside(options.scene_path, &table.fabric);
     match shown.representation.voxels() {
         Some(_) if table.lod == Lod::Name(LodName::Surface) => fabric.surface(&path).map(|_| ())?,
@@ -338,6 +355,24 @@ fn rows<'a>(
     Ok((rows.collect::<Result<_>>()?, thickness_mm))
 }
 
+/// The lean of the crushed pile of the cloth that is a scene's object of this index.
+///
+/// # Errors
+/// Names the key at fault.
+fn crushed_lean(
+    table: &ClothTable,
+    index: usize,
+    options: &BuildOptions<'_>,
+) -> Result<Option<CrushedLean>> {
+    let lean =
+        |crush: &Crush| crush.lean(options.scene_path, options.max_memory_bytes, options.loader);
+    let lean = table.crush.as_ref().map(lean).transpose();
+    lean.map_err(|e| {
+        e.at_key(format!("object[{index}].crush.map"))
+            .in_file(options.scene_path)
+    })
+}
+
 /// The cloth that is a scene's object of this index, and the threads that it is sewn with; `as_fibres`
 /// whatever its model.
 ///
@@ -361,21 +396,29 @@ fn media(
     if let Some(mesh) = &mut mesh {
         threads = stitch::threads(&rows, mesh, &fabric, max_bytes())
             .map_err(|why| fail(format!("stitch{why}")))?;
+        let crush = crushed_lean(table, index, options)?;
+        let ways: Vec<Way> = table.stroke.iter().map(Stroke::way).collect();
+        let crushed_mm = crush
+            .as_ref()
+            .map_or(f32::INFINITY, CrushedLean::longest_edge_mm);
         let longest = |at_mm| {
-            let strokes = table.stroke.iter().map(|s| s.longest_edge_mm(at_mm));
+            let strokes = ways.iter().map(|way| way.longest_edge_mm(at_mm));
             let rows = rows.iter().map(|row| row.longest_edge_mm(at_mm));
-            strokes.chain(rows).fold(f32::INFINITY, f32::min)
+            strokes.chain(rows).fold(crushed_mm, f32::min)
         };
         // Faces are counted with the shell that they become.
         let most_faces = (max_bytes() / Shell::memory_bytes(1)).min(MAX_FACES) as usize;
         mesh.refine(longest, most_faces).map_err(|e| {
             fail(format!(
-                "mesh: with short edges at strokes and stitches: {e}"
+                "mesh: with short edges at strokes, crushed pile and stitches: {e}"
             ))
         })?;
         stitch::press(&rows, mesh, thickness_mm);
-        if !table.stroke.is_empty() {
-            mesh.lean(|at_mm| Stroke::tangent_after(&table.stroke, at_mm));
+        if crush.is_some() || !ways.is_empty() {
+            mesh.lean(|at_mm| {
+                let crushed = crush.as_ref().map(|c| c.tangent_at(at_mm));
+                Way::tangent_after(&ways, at_mm, crushed.unwrap_or_default())
+            });
         }
     }
     let mut media = vec![medium(

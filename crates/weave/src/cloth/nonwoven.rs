@@ -139,6 +139,7 @@ pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> 
             points,
             radius_mm,
             period: None,
+            held: Vec::new(),
         })
         .collect();
     let room = Room {

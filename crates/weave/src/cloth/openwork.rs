@@ -66,6 +66,7 @@ pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> 
             points: c.rounded(step_mm),
             radius_mm: threads.yarn(&open, i).radius_mm(),
             period: Some(c.period),
+            held: Vec::new(),
         })
         .collect();
     separate(&mut lines, room);

@@ -1,7 +1,9 @@
 //! Pile on a woven ground: where its tufts and loops stand.
 
 mod check;
+mod collide;
 mod cover;
+mod ruffle;
 
 use super::spun::Spun;
 use super::yarns::{Materials, Yarns};
@@ -16,6 +18,7 @@ use crate::strand::{MAX_DEVIATIONS, normal, protruding_mm, reach_mm, thickest_fi
 use crate::yarn::Yarn;
 use glam::{DVec2, DVec3};
 use organza_basis::PathRng;
+use ruffle::Ruffle;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 use std::sync::Arc;
 
@@ -89,14 +92,16 @@ pub(super) fn raise(
     let dyes = dyes.collect::<Result<Vec<Dye>, Error>>()?;
     cloth.materials = materials.0;
 
+    let size_mm = cloth.tile.bounds_mm.size().truncate().as_dvec2();
     let place = Place {
         spec,
         face_mm: highest(&ends).max(highest(&picks)),
-        size_mm: cloth.tile.bounds_mm.size().truncate().as_dvec2(),
+        size_mm,
         ends,
         picks,
         yarn,
         rng: PathRng::new(seed, 0, LEAN),
+        ruffle: Ruffle::new(spec, size_mm, seed),
         dyes,
     };
     place.raise(cloth, index, seed)
@@ -135,6 +140,7 @@ struct Place<'a> {
     picks: Vec<Ground>,
     yarn: Arc<Yarn>,
     rng: PathRng,
+    ruffle: Option<Ruffle>,
     dyes: Vec<Dye>,
 }
 
@@ -155,11 +161,18 @@ impl Place<'_> {
         };
         if spec.kind == PileKind::Loop {
             let first = cloth.threads.len();
+            let mut lines = Vec::new();
             for (column, e) in self.columns().enumerate() {
                 let (points, loops, height_mm) = self.loops(column, e);
                 pile.count += loops;
                 pile.loop_height_mm += height_mm;
                 self.within_limit(pile.count)?;
+                lines.push(points);
+            }
+            if spec.collide {
+                self.push_apart(&mut lines, pile.count)?;
+            }
+            for (column, points) in lines.into_iter().enumerate() {
                 let period = self.size_mm.y * DVec3::Y;
                 let length_mm = points.windows(2).map(|p| p[0].distance(p[1])).sum();
                 let thread = ThreadAtRest {
@@ -240,9 +253,9 @@ impl Place<'_> {
         0.5 * (threads[i].at_mm + next)
     }
 
-    /// A height and a lean of a tuft or loop; the lean as its tangent. `share` is the part of
-    /// the deviation that tufts have in common with their fibres.
-    fn stance(&mut self, share: f64) -> (f64, DVec2) {
+    /// A height and a lean of a tuft or loop at a place; the lean as its tangent. `share` is the
+    /// part of the deviation that tufts have in common with their fibres.
+    fn stance(&mut self, share: f64, at_mm: DVec2) -> (f64, DVec2) {
         let spec = self.spec;
         let cv = 0.01 * share * spec.height_cv_percent.unwrap_or(0.0);
         let height = spec.height_mm * normal(&mut self.rng, [1.0, cv], 1.0);
@@ -250,10 +263,9 @@ impl Place<'_> {
         let direction = spec.lean_direction_deg.unwrap_or(90.0).to_radians();
         let spread = share * spec.lean_deviation_deg.unwrap_or(0.0).to_radians().tan();
         let [x, y] = [(); 2].map(|()| normal(&mut self.rng, [0.0, spread], 1.0));
-        (
-            height,
-            lean * DVec2::from_angle(direction) + DVec2::new(x, y),
-        )
+        let ruffle = self.ruffle.as_ref().map(|r| r.lean_at(at_mm));
+        let own = lean * DVec2::from_angle(direction) + DVec2::new(x, y);
+        (height, own + ruffle.unwrap_or_default())
     }
 
     /// Tufts around picks, between ends; neighbouring columns are offset.
@@ -272,7 +284,8 @@ impl Place<'_> {
             let x = Self::gap_mm(&self.ends, e, self.size_mm.x);
             for row in 0..rows {
                 let p = row * every_y + column % 2 * (every_y / 2);
-                let (height_mm, lean) = self.stance(TUFT_SHARE);
+                let at_mm = DVec2::new(x, self.picks[p % picks].at_mm);
+                let (height_mm, lean) = self.stance(TUFT_SHARE, at_mm);
                 let pick = &self.picks[p % picks];
                 tufts.push(Tuft {
                     bound_mm: DVec3::new(x, pick.at_mm, pick.curve.height_at(x)),
@@ -301,7 +314,7 @@ impl Place<'_> {
             for row in 0..rows as usize {
                 let half = 0.5 * (column % 2) as f64;
                 let at = cell * DVec2::new(column as f64 + 0.5, row as f64 + 0.25 + half);
-                let (height_mm, lean) = self.stance(TUFT_SHARE);
+                let (height_mm, lean) = self.stance(TUFT_SHARE, at);
                 tufts.push(Tuft {
                     bound_mm: at.extend(0.0),
                     bound_half_mm: self.picks[0].half_mm.min(DVec2::splat(0.25 * cell.y)),
@@ -357,7 +370,8 @@ impl Place<'_> {
                 for row in 0..rows {
                     let p = (row * every_y + j % 2 * (every_y / 2)) % picks;
                     let y = Self::gap_mm(&self.picks, p, self.size_mm.y);
-                    let (height_mm, lean) = self.stance(RIDGE_TUFT_SHARE);
+                    let at_mm = DVec2::new(self.ends[e].at_mm, y);
+                    let (height_mm, lean) = self.stance(RIDGE_TUFT_SHARE, at_mm);
                     let end = &self.ends[e];
                     tufts.push(Tuft {
                         bound_mm: DVec3::new(end.at_mm, y, end.curve.height_at(y)),
@@ -411,7 +425,7 @@ impl Place<'_> {
                 None => self.picks[0].at_mm + self.size_mm.y,
             };
             let feet = FEET.map(|t| last.at_mm + t * (next_mm - last.at_mm));
-            let (height_mm, lean) = self.stance(1.0);
+            let (height_mm, lean) = self.stance(1.0, DVec2::new(x, feet[0]));
             let turn = normal(
                 &mut self.rng,
                 [0.0, self.spec.turn_deg.unwrap_or(30.0).to_radians()],

@@ -23,6 +23,7 @@ fn lines(seed: u64) -> Vec<Line> {
                 points: (0..40).map(|k| start + f64::from(k) * step).collect(),
                 radius_mm: 0.01,
                 period,
+                held: Vec::new(),
             }
         })
         .collect()

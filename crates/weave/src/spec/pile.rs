@@ -45,6 +45,14 @@ pub struct PileSpec {
     pub lean_direction_deg: Option<f64>,
     /// Root mean square of the lean's deviation, degrees, 0 to 30; 0 without it.
     pub lean_deviation_deg: Option<f64>,
+    /// Root mean square of a lean that neighbouring tufts or loops have in common, in either
+    /// direction, degrees, 0 to 45; 0 without it.
+    pub ruffle_deg: Option<f64>,
+    /// Distance over which that lean changes, millimetres, 0.2 to 100; 3 without it.
+    pub ruffle_mm: Option<f64>,
+    /// Whether loops push each other aside until they hardly overlap.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub collide: bool,
     /// Width of a cut tuft's tip over the room that it has, 0.05 to 4; 1.2 without it.
     pub splay: Option<f64>,
     /// Root mean square of the sideways waves of a cut fibre over its height, 0 to 0.3; 0.02

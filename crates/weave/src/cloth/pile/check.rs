@@ -52,6 +52,8 @@ pub(in crate::cloth) fn check(pile: &PileSpec) -> Result<(), Error> {
                 [0.0, 30.0],
                 "degrees",
             ),
+            ("ruffle_deg", pile.ruffle_deg, [0.0, 45.0], "degrees"),
+            ("ruffle_mm", pile.ruffle_mm, [0.2, 100.0], "mm"),
             ("splay", pile.splay, [0.05, 4.0], ""),
             ("wave", pile.wave, [0.0, 0.3], ""),
             ("turn_deg", pile.turn_deg, [0.0, 90.0], "degrees"),
@@ -86,6 +88,7 @@ pub(in crate::cloth) fn check(pile: &PileSpec) -> Result<(), Error> {
             "\"loop\"",
         ),
         ("sides", pile.sides.is_some(), &[Loop], "\"loop\""),
+        ("collide", pile.collide, &[Loop], "\"loop\""),
         (
             "wales_per_cm",
             pile.wales_per_cm.is_some(),
@@ -97,6 +100,9 @@ pub(in crate::cloth) fn check(pile: &PileSpec) -> Result<(), Error> {
         if is_given && !kinds.contains(&pile.kind) {
             return wrong(key, format!("belongs to pile of kind {of}"));
         }
+    }
+    if pile.ruffle_mm.is_some() && pile.ruffle_deg.is_none() {
+        return wrong("ruffle_mm", "needs pile.ruffle_deg".into());
     }
     match (pile.every, pile.tufts_per_cm2) {
         (None, None) if pile.kind == Cut => wrong(

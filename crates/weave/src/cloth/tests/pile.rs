@@ -1,6 +1,7 @@
 //! Pile: heights, densities and lean come out as they were asked for, inside the tile.
 
 use super::*;
+use crate::separate::{Line, Room, overlap};
 use crate::spec::PileSpec;
 use glam::DVec2;
 
@@ -168,6 +169,83 @@ fn figures_tell_how_long_pile_ends_are_and_what_loops_hide() {
     );
 }
 
+/// The pile ends as lines, and the room of their tile.
+fn pile_ends(cloth: &Cloth) -> (Vec<Line>, Room) {
+    let size_mm = cloth.tile().bounds_mm.size().truncate().as_dvec2();
+    let line = |thread: &ThreadAtRest| match &thread.line {
+        Centreline::Laid { points, period } => Some(Line {
+            points: points.to_vec(),
+            radius_mm: thread.spun.yarn.radius_mm(),
+            period: Some(*period),
+            held: Vec::new(),
+        }),
+        _ => None,
+    };
+    let room = Room {
+        size_mm,
+        faces_mm: [f64::NEG_INFINITY, f64::INFINITY],
+    };
+    (cloth.threads.iter().filter_map(line).collect(), room)
+}
+
+/// Loops that collide keep their feet and the lengths of their ends, and give way above the
+/// ground. The twin, whose loops do not collide, overlaps three times as much at least.
+#[test]
+fn loops_that_collide_hardly_overlap() {
+    let dense = LOOP.replace("'both'", "'face'");
+    for text in [LOOP, dense.as_str()] {
+        let [plain, pushed] =
+            ["", "\ncollide = true"].map(|key| build(&with_pile(&format!("{text}{key}"), 6)));
+        let face_mm = plain.pile.as_ref().unwrap().face_mm;
+        let [plain, pushed] = [plain, pushed].map(|cloth| pile_ends(&cloth));
+        let depth = |(lines, room): &(Vec<Line>, Room)| {
+            let (mean, _, count) = overlap(lines, *room);
+            mean * count as f64
+        };
+        let [before, after] = [&plain, &pushed].map(depth);
+        assert!(3.0 * after < before, "{text}: {before}, {after}");
+        let mut moved = 0;
+        for (a, b) in plain.0.iter().zip(&pushed.0) {
+            let ratio = b.length_mm() / a.length_mm();
+            assert!((ratio - 1.0).abs() < 0.01, "{text}: {ratio}");
+            for (p, q) in a.points.iter().zip(&b.points) {
+                let is_foot = p.z.abs() <= face_mm;
+                assert!(!is_foot || p == q, "{text}: {p}, {q}");
+                moved += usize::from(p != q);
+            }
+        }
+        assert!(moved > 100, "{moved}");
+    }
+}
+
+/// Neighbouring tufts lean alike, and over the tile their lean has the root mean square that was
+/// asked for. The twin, whose tufts deviate each on its own, has no likeness.
+#[test]
+fn ruffled_tufts_lean_as_their_neighbours_do() {
+    let likeness = |key: &str, seed: u64| {
+        let text = format!("kind = 'cut'\nyarn = 'rayon'\nheight_mm = 1\nevery = [2, 2]\n{key}");
+        let cloth = Cloth::build(&with_pile(&text, 32), &no_files, seed).unwrap();
+        let tufts = &cloth.tufts().unwrap().tufts;
+        let dot = |step: usize| -> f64 {
+            let pairs = tufts.iter().zip(tufts.iter().cycle().skip(step));
+            pairs.map(|(a, b)| a.tip_mm.dot(b.tip_mm)).sum()
+        };
+        let rms = (dot(0) / (2.0 * tufts.len() as f64)).sqrt();
+        (rms, dot(1) / dot(0))
+    };
+    for seed in [1, 2, 3] {
+        // 13 x 14 knots of two numbers: the root mean square deviates by 1 / sqrt(4 x 182).
+        // Margin: four standard errors.
+        let (rms, alike) = likeness("ruffle_deg = 20\nruffle_mm = 2.5", seed);
+        let wanted = 20f64.to_radians().tan();
+        assert!((rms / wanted - 1.0).abs() < 0.15, "seed {seed}: {rms}");
+        // Tufts of a column stand 1.1 mm apart.
+        assert!(alike > 0.5, "seed {seed}: {alike}");
+        let (_, alike) = likeness("lean_deviation_deg = 20", seed);
+        assert!(alike < 0.2, "seed {seed}: {alike}");
+    }
+}
+
 #[test]
 fn without_irregularity_all_tufts_are_alike() {
     let mut f = with_pile(CUT, 4);
@@ -191,6 +269,14 @@ fn wrong_pile_is_refused_with_its_key() {
         (
             format!("{CUT}\nsides = 'both'"),
             "pile.sides: belongs to pile of kind \"loop\"",
+        ),
+        (
+            format!("{CUT}\ncollide = true"),
+            "pile.collide: belongs to pile of kind \"loop\"",
+        ),
+        (
+            format!("{CUT}\nruffle_mm = 2"),
+            "pile.ruffle_mm: needs pile.ruffle_deg",
         ),
         (
             CUT.replace("1.5", "-1"),
