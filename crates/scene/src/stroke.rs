@@ -34,6 +34,18 @@ pub(crate) fn check_places(from_mm: [f32; 2], to_mm: [f32; 2]) -> Result<(), Str
     }
 }
 
+/// How far a place is from a straight line between two places of the cloth, mm.
+pub(crate) fn away_mm([from, to]: [Vec2; 2], at_mm: Vec2) -> f32 {
+    let along = (at_mm - from).dot(to - from) / (to - from).length_squared();
+    at_mm.distance(from + along.clamp(0.0, 1.0) * (to - from))
+}
+
+/// What goes over smoothly from none at 0 and below to one at 1 and above.
+pub(crate) fn smooth(x: f32) -> f32 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
+}
+
 impl Stroke {
     /// Checks the numbers.
     ///
@@ -52,24 +64,20 @@ impl Stroke {
         Ok(())
     }
 
+    fn away_mm(&self, at_mm: Vec2) -> f32 {
+        away_mm([self.from_mm, self.to_mm].map(Vec2::from), at_mm)
+    }
+
     /// How much of it a place has: one in its middle, none beside it.
     fn share(&self, at_mm: Vec2) -> f32 {
-        let [from, to] = [self.from_mm, self.to_mm].map(Vec2::from);
-        let along = (at_mm - from).dot(to - from) / (to - from).length_squared();
-        let nearest = from + along.clamp(0.0, 1.0) * (to - from);
-        let inside = (0.5 - at_mm.distance(nearest) / self.width_mm) / (0.5 * SOFT);
-        let inside = inside.clamp(0.0, 1.0);
-        inside * inside * (3.0 - 2.0 * inside)
+        smooth((0.5 - self.away_mm(at_mm) / self.width_mm) / (0.5 * SOFT))
     }
 
     /// How long the edges of a mesh may be at a place so that the stroke shows: short at its edge.
     pub fn longest_edge_mm(&self, at_mm: Vec2) -> f32 {
-        let [from, to] = [self.from_mm, self.to_mm].map(Vec2::from);
-        let along = (at_mm - from).dot(to - from) / (to - from).length_squared();
-        let away = at_mm.distance(from + along.clamp(0.0, 1.0) * (to - from));
         let edge = 0.5 * (1.0 - 0.5 * SOFT) * self.width_mm;
         let half = 0.25 * SOFT * self.width_mm;
-        FINE * self.width_mm + ((away - edge).abs() - half).max(0.0)
+        FINE * self.width_mm + ((self.away_mm(at_mm) - edge).abs() - half).max(0.0)
     }
 
     /// The lean at a place after strokes one after the other, as tangents along weft and warp.

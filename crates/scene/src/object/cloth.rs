@@ -4,6 +4,7 @@ use super::laying::Laying;
 use super::{At, ObjectKind};
 use crate::build_options::BuildOptions;
 use crate::cloth_place::{ClothPlace, FarSheet};
+use crate::crease::Crease;
 use crate::drape::{self, MeshKeys};
 use crate::error::{InputError, Result};
 use crate::fabric_file::{Fabric, load};
@@ -30,7 +31,7 @@ use serde_json::{Value, json};
 /// to 20 %.
 const FAR_MM: f64 = 1e5;
 
-/// The most faces that a mesh is divided into, so that strokes and stitches show.
+/// The most faces that a mesh is divided into, so that strokes, creases and stitches show.
 const MAX_FACES: u64 = 4 << 20;
 
 /// A cloth: a fabric, laid where the scene says.
@@ -70,6 +71,9 @@ pub struct ClothTable {
     /// With `mesh`: strokes over the pile, one after the other.
     #[serde(default)]
     pub stroke: Vec<Stroke>,
+    /// With `mesh`: pressed creases.
+    #[serde(default)]
+    pub crease: Vec<Crease>,
     /// With `mesh`: rows of stitches.
     #[serde(default)]
     pub stitch: Vec<Stitch>,
@@ -114,7 +118,11 @@ impl ObjectKind for ClothTable {
         if self.extent_mm.is_some() && self.mesh.is_some() {
             return Err(at.fail(": extent_mm is for flat cloth and does not go with mesh"));
         }
-        for (key, count) in [("stroke", self.stroke.len()), ("stitch", self.stitch.len())] {
+        for (key, count) in [
+            ("stroke", self.stroke.len()),
+            ("crease", self.crease.len()),
+            ("stitch", self.stitch.len()),
+        ] {
             if count > 0 && self.mesh.is_none() {
                 return Err(at.fail(format!(".{key}: belongs to a `mesh`, which is not given")));
             }
@@ -126,6 +134,10 @@ impl ObjectKind for ClothTable {
         for (i, stroke) in self.stroke.iter().enumerate() {
             let checked = stroke.check();
             checked.map_err(|why| at.fail(format!(".stroke[{i}]{why}")))?;
+        }
+        for (i, crease) in self.crease.iter().enumerate() {
+            let checked = crease.check();
+            checked.map_err(|why| at.fail(format!(".crease[{i}]{why}")))?;
         }
         if let Some(found) = self.voxel_um.filter(|v| !(*v > 0.0 && v.is_finite())) {
             return Err(at.fail(format!(
@@ -363,17 +375,20 @@ fn media(
             .map_err(|why| fail(format!("stitch{why}")))?;
         let longest = |at_mm| {
             let strokes = table.stroke.iter().map(|s| s.longest_edge_mm(at_mm));
-            let rows = rows.iter().map(|row| row.longest_edge_mm(at_mm));
-            strokes.chain(rows).fold(f32::INFINITY, f32::min)
+            let creases = table.crease.iter().map(|c| c.longest_edge_mm(at_mm));
+            let rows = stitch::longest_edge_mm(&rows, at_mm);
+            strokes.chain(creases).fold(rows, f32::min)
         };
         // Faces are counted with the shell that they become.
         let most_faces = (max_bytes() / Shell::memory_bytes(1)).min(MAX_FACES) as usize;
         mesh.refine(longest, most_faces).map_err(|e| {
             fail(format!(
-                "mesh: with short edges at strokes and stitches: {e}"
+                "mesh: with short edges at strokes, creases and stitches: {e}"
             ))
         })?;
+        stitch::pierce(&rows, mesh).map_err(|why| fail(format!("stitch{why}")))?;
         stitch::press(&rows, mesh, thickness_mm);
+        Crease::flatten(&table.crease, mesh);
         if !table.stroke.is_empty() {
             mesh.lean(|at_mm| Stroke::tangent_after(&table.stroke, at_mm));
         }

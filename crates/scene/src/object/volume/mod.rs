@@ -92,6 +92,7 @@ impl VolumeTable {
             mm_per_unit: self.mm_per_unit,
             mm_per_uv: self.mm_per_uv,
             stroke: Vec::new(),
+            crease: Vec::new(),
             stitch: Vec::new(),
             voxel_um: None,
             seed: None,
