@@ -43,6 +43,10 @@ pub struct Mesh {
 /// mostly rounding.
 const FLAT: f32 = 1e-6;
 
+/// Edges shorter than this share of their place in the fabric plane are rounded too coarsely to be
+/// divided.
+const COARSE: f32 = 4.0 * f32::EPSILON;
+
 impl Mesh {
     /// A mesh of triangles. Normals that are zero are computed. `normals_at` names the shared
     /// corner that a computed normal is averaged over: three numbers per triangle.
@@ -114,6 +118,46 @@ impl Mesh {
         self.add_leans(&leans);
     }
 
+    /// Moves points in the plane of the cloth: `shift_mm_at` gives, at a place of the fabric plane in
+    /// mm, how far they go along weft and warp. Faces with a corner where it gives none are left out.
+    ///
+    /// # Errors
+    /// When no face is left.
+    pub fn shift(&mut self, shift_mm_at: impl Fn(Vec2) -> Option<Vec2>) -> Result<(), Error> {
+        let shifts = self.means_at_corners(|face, vertex| {
+            let [weft, warp] = stretch(face)?;
+            let shift_mm = shift_mm_at(vertex.uv_mm)?;
+            Some(shift_mm.x * weft + shift_mm.y * warp)
+        });
+        for (triangle, ids) in self.triangles.iter_mut().zip(&self.corners) {
+            for (vertex, &id) in triangle.iter_mut().zip(ids) {
+                vertex.position_mm += shifts[id as usize];
+            }
+        }
+        let is_kept = |t: &[Vertex; 3]| t.iter().all(|v| shift_mm_at(v.uv_mm).is_some());
+        let mut kept = self.triangles.iter().map(is_kept);
+        self.corners.retain(|_| kept.next().unwrap_or(false));
+        let before = self.triangles.len();
+        self.triangles.retain(is_kept);
+        match self.triangles.is_empty() {
+            true => Err(Error::Empty { dropped: before }),
+            false => Ok(()),
+        }
+    }
+
+    /// Flattens what lies on the mesh, towards the mesh: `share_at` gives, at a place of the fabric
+    /// plane in mm, the share of its thickness that it loses, at most nine tenths. To be called
+    /// after [`Mesh::press`].
+    pub fn flatten(&mut self, share_at: impl Fn(Vec2) -> f32) {
+        let lost = self.means_at_corners(|_, vertex| {
+            Some(share_at(vertex.uv_mm).clamp(0.0, 0.9) * vertex.normal)
+        });
+        self.leans.resize(lost.len(), Vec3::ZERO);
+        for (lean, lost) in self.leans.iter_mut().zip(&lost) {
+            *lean = *lean * (1.0 - lost.length()) - *lost;
+        }
+    }
+
     /// Presses a sheet that lies half way through the mesh from above: `depth_mm_at` gives, at a place
     /// of the fabric plane in mm, how far its upper side sinks; its lower side stays. It keeps at
     /// least a tenth of its thickness.
@@ -162,7 +206,8 @@ impl Mesh {
 
     /// Divides faces until every edge is at most as long, in mm of the fabric plane, as
     /// `longest_mm_at` says of its middle. Neighbours divide their common edge alike, so no gaps
-    /// open. To be called before [`Mesh::lean`] and [`Mesh::press`].
+    /// open. Edges as short as single precision is coarse stay whole. To be called before what moves
+    /// points: [`Mesh::shift`], [`Mesh::press`], [`Mesh::flatten`] and [`Mesh::lean`].
     ///
     /// # Errors
     /// More than `most_faces` would be needed.
@@ -177,7 +222,9 @@ impl Mesh {
             for (triangle, ids) in self.triangles.iter().zip(&self.corners) {
                 for (k, next) in EDGES {
                     let [a, b] = [k, next].map(|i| triangle[i].uv_mm);
-                    if a.distance(b) > longest_mm_at(0.5 * (a + b)) {
+                    let middle = 0.5 * (a + b);
+                    let coarse_mm = COARSE * middle.abs().max_element();
+                    if a.distance(b) > longest_mm_at(middle).max(coarse_mm) {
                         middles.entry(edge(ids, k, next)).or_insert_with(|| {
                             points += 1;
                             points - 1

@@ -554,3 +554,56 @@ fn what_leans_moves_with_its_height() {
         assert!(moved.abs_diff_eq(expected, 1e-5), "{z}: {moved}");
     }
 }
+
+/// Flattened cloth keeps its middle on the mesh, and flattening takes its share of what pressing left.
+#[test]
+fn flattened_cloth_keeps_its_middle() {
+    let mut mesh = read_obj(OBJ.as_bytes(), PLACEMENT, &mut budget()).unwrap();
+    mesh.flatten(|_| 0.5);
+    for z in [-0.49, 0.0, 0.2] {
+        assert!((place_mm(&mesh, z).z - (1.0 + 2.0 * z)).abs() < 1e-5);
+    }
+    mesh = read_obj(OBJ.as_bytes(), PLACEMENT, &mut budget()).unwrap();
+    mesh.press(2.0, |_| 0.5);
+    mesh.flatten(|_| 0.5);
+    // From -1 to 0.5 mm before; now half as thick about the same middle.
+    assert!((place_mm(&mesh, -0.25).z - 1.0).abs() < 1e-5);
+    assert!((place_mm(&mesh, 0.1).z - (1.0 + 0.35 / 0.375)).abs() < 1e-5);
+}
+
+/// A hole opens where points go aside: rays pass it, no cloth folds over, and beside it lies the cloth
+/// that lay in it.
+#[test]
+fn holes_open_without_a_fold() {
+    let radius_mm = 0.5f32;
+    let middle = Vec2::new(11.0, 9.0);
+    let mut mesh = read_obj(OBJ.as_bytes(), PLACEMENT, &mut budget()).unwrap();
+    let away = |at: Vec2| (at - middle).length();
+    mesh.refine(|at| 0.3 * away(at).max(0.02), 1 << 16).unwrap();
+    mesh.shift(|at| {
+        let push = radius_mm * (1.0 - away(at) / 3.0).max(0.0).powi(2);
+        (away(at) > 0.02).then(|| push / away(at) * (at - middle))
+    })
+    .unwrap();
+    let shell = Shell::new(&mesh, -0.1, 0.1).unwrap();
+    assert_eq!(shell.folds(), Folds::default());
+    // Where the cloth was not moved, 25 mm of it lie on 10 mm.
+    let place = |at: Vec2| (0.4 * at).extend(5.0).as_dvec3();
+    for k in 0..40 {
+        let direction = Vec2::from_angle(k as f32);
+        let at = |away_mm: f32| {
+            let mut found = None;
+            let ray = (place(middle + away_mm * direction), DVec3::NEG_Z);
+            shell.visit_spans(ray, f64::INFINITY, |span| {
+                found = Some(span.cloth_mm.truncate().as_vec2().distance(middle));
+                f64::INFINITY
+            });
+            found
+        };
+        assert_eq!(at(0.9 * radius_mm), None);
+        assert!(at(1.15 * radius_mm).unwrap() < 0.4 * radius_mm);
+        assert!((at(4.0).unwrap() - 4.0).abs() < 1e-3);
+    }
+    let nothing = mesh.shift(|_| None).unwrap_err();
+    assert!(matches!(nothing, Error::Empty { .. }));
+}

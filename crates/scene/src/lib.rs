@@ -11,6 +11,7 @@ mod blocks;
 mod build_options;
 pub mod camera;
 pub mod cloth_place;
+pub mod crease;
 pub mod crush;
 pub mod draft_folder;
 mod draft_picture;

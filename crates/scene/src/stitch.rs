@@ -39,6 +39,12 @@ pub struct Stitch {
     /// How far the cloth's upper side sinks at the needle's holes, mm.
     #[serde(default = "usual_sink_mm")]
     pub sink_mm: f32,
+    /// Diameter of the needle's holes, from which yarns are pushed aside, mm; 0 for none.
+    #[serde(default)]
+    pub hole_mm: f32,
+    /// Whether the threads are laid; the lower layers of what is sewn together have holes alone.
+    #[serde(default = "has_threads")]
+    pub threads: bool,
 }
 
 fn undyed() -> Rgb {
@@ -51,6 +57,10 @@ fn usual_stitch_mm() -> f32 {
 
 fn usual_sink_mm() -> f32 {
     0.1
+}
+
+fn has_threads() -> bool {
+    true
 }
 
 impl Stitch {
@@ -68,6 +78,9 @@ impl Stitch {
         number("stitch_mm", self.stitch_mm, 0.2, 100.0)?;
         number("zigzag_mm", self.zigzag_mm, 0.0, 100.0)?;
         number("sink_mm", self.sink_mm, 0.0, 10.0)?;
+        // Farther apart, so that yarns between two holes have room.
+        let apart_mm = self.stitch_mm.hypot(self.zigzag_mm);
+        number("hole_mm", self.hole_mm, 0.0, 0.25 * apart_mm)?;
         for channel in self.colour.0.to_array() {
             number("colour", channel, 0.0, 1.0)?;
         }
@@ -124,6 +137,7 @@ impl<'a> Row<'a> {
             zigzag_mm: stitch.zigzag_mm.into(),
             layers_mm: stitch.layers_mm.map_or([-half, half], |l| l.map(f64::from)),
             sink_mm: stitch.sink_mm.into(),
+            hole_mm: stitch.hole_mm.into(),
         };
         let [from, to] = [stitch.from_mm, stitch.to_mm].map(|p| Vec2::from(p).as_dvec2());
         Ok(Row {
@@ -142,14 +156,22 @@ impl<'a> Row<'a> {
     }
 
     /// How long the edges of the mesh may be at a place of the cloth.
-    pub fn longest_edge_mm(&self, cloth_mm: Vec2) -> f32 {
+    fn longest_edge_mm(&self, cloth_mm: Vec2) -> f32 {
         let own = self.own_mm(cloth_mm);
         let reach = self.lock.reach_mm() + 0.5 * f64::from(self.stitch.zigzag_mm);
         let beyond = own.x.max(0.0).min(self.row_mm());
         let away = own.distance(DVec2::new(beyond, 0.0));
         // Longer, the farther away, so that wide faces do not meet narrow ones.
         let fine = (EDGE * self.radius_mm).min(f64::from(self.stitch.stitch_mm) / 8.0);
-        (fine + (away - reach).max(0.0)) as f32
+        let edge = fine + (away - reach).max(0.0);
+        edge.min(self.lock.longest_edge_mm(own)) as f32
+    }
+
+    /// Where cloth that lay at a place is pushed by the needle; `None` in the middle of a hole.
+    fn pushed_mm(&self, cloth_mm: Vec2) -> Option<Vec2> {
+        let pushed = self.lock.pushed_mm(self.own_mm(cloth_mm))?;
+        let pushed = pushed.x * self.along + pushed.y * self.along.perp();
+        Some(cloth_mm + pushed.as_vec2())
     }
 
     fn row_mm(&self) -> f64 {
@@ -224,7 +246,37 @@ pub fn threads(
         let made = fabric.threads(&row.stitch.yarn, row.stitch.colour, text.into_bytes());
         made.map_err(|e| format!("[{i}].yarn: {e}"))
     };
-    rows.iter().enumerate().map(of_row).collect()
+    let sewn = rows
+        .iter()
+        .enumerate()
+        .filter(|(_, row)| row.stitch.threads);
+    sewn.map(of_row).collect()
+}
+
+/// How long the edges of the mesh may be at a place of the cloth, so that rows show.
+pub fn longest_edge_mm(rows: &[Row<'_>], cloth_mm: Vec2) -> f32 {
+    let (mut place, mut least) = (cloth_mm, f32::INFINITY);
+    for row in rows {
+        least = least.min(row.longest_edge_mm(place));
+        // Rows that are near each other push cloth one after the other.
+        place = row.pushed_mm(place).unwrap_or(place);
+    }
+    least
+}
+
+/// Opens the holes of the needle in a mesh.
+///
+/// # Errors
+/// `: why`, when nothing is left of the mesh.
+pub fn pierce(rows: &[Row<'_>], mesh: &mut Mesh) -> Result<(), String> {
+    if !rows.iter().any(|row| row.lock.has_holes()) {
+        return Ok(());
+    }
+    let shift = |at_mm: Vec2| {
+        let place = rows.iter().try_fold(at_mm, |p, row| row.pushed_mm(p))?;
+        Some(place - at_mm)
+    };
+    mesh.shift(shift).map_err(|e| format!(": {e}"))
 }
 
 /// Presses a cloth of that thickness on its mesh where it is stitched.
@@ -243,7 +295,9 @@ mod tests {
     use crate::Result;
     use crate::from_str;
     use crate::loader::Loader;
-    use organza_transport::Scene;
+    use glam::{DVec2, DVec3};
+    use organza_basis::PathRng;
+    use organza_transport::{Integrator, Scene, Stats, trace_from};
     use std::path::Path;
 
     const FABRIC: &str = "draft = { weave = 'plain' }\nwarp = { per_cm = 10.0 }\n\
@@ -288,6 +342,41 @@ mod tests {
         assert!(bounds.min.z < 1.1, "{bounds:?}");
     }
 
+    /// Light comes through the holes of the needle, and no more of it where there are none.
+    #[test]
+    fn light_comes_through_holes() {
+        let row = "from_mm = [4.0, 10.0], to_mm = [16.0, 10.0], yarn = 'thread', threads = false";
+        let passed = |stitch: &str| {
+            let scene = sewn(stitch).unwrap();
+            assert_eq!(scene.media.len(), 1);
+            let mut stats = Stats::default();
+            let by = Integrator::Woodcock;
+            let rays = (0..1200).filter(|&k| {
+                // Over a strip of 13 by 0.9 mm.
+                let at = DVec2::new(
+                    3.5 + 0.065 * f64::from(k % 200),
+                    9.55 + 0.15 * f64::from(k / 200),
+                );
+                let from = (at.extend(9.0), DVec3::NEG_Z);
+                let mut rng = PathRng::new(1, 0, u64::from(k as u32));
+                let seen = trace_from(&scene, &[], from, by, 1, &mut rng, &mut stats);
+                seen.bounces == 0
+            });
+            rays.count() as f64
+        };
+        let [without, with] = [row.to_owned(), format!("{row}, hole_mm = 0.7")].map(|s| passed(&s));
+        // Five holes of the strip's 11.7 mm2, where as much of the light was stopped as anywhere.
+        let holes = 1200.0 * 5.0 * 0.25 * std::f64::consts::PI * 0.49 / 11.7;
+        let expected = holes * (1.0 - without / 1200.0);
+        // Margin: four standard errors of a count; cloth without holes lacks more.
+        let margin = 4.0 * expected.sqrt();
+        let more = with - without;
+        assert!(
+            (more - expected).abs() < margin && margin < expected,
+            "seed 1: {more} more, expected {expected} +- {margin}"
+        );
+    }
+
     #[test]
     fn wrong_rows_are_refused_with_their_key() {
         let row = "from_mm = [4.0, 10.0], to_mm = [16.0, 10.0]";
@@ -300,6 +389,10 @@ mod tests {
             (
                 format!("{row}, yarn = 'thread', sink_mm = 11.0"),
                 "stitch[0].sink_mm: expected 0 to 10",
+            ),
+            (
+                format!("{row}, yarn = 'thread', hole_mm = 0.8"),
+                "stitch[0].hole_mm: expected 0 to 0.75",
             ),
             (
                 format!("{row}, yarn = 'thread', stitch_mm = 0.3"),

@@ -42,6 +42,28 @@ pub(crate) fn check_places(from_mm: [f32; 2], to_mm: [f32; 2]) -> Result<(), Str
     }
 }
 
+/// The share of a straight line, between two places of the cloth, at which it is nearest to a place;
+/// 0 on a line without length.
+fn nearest_share([from, to]: [Vec2; 2], at_mm: Vec2) -> f32 {
+    let along = (at_mm - from).dot(to - from) / (to - from).length_squared();
+    if along.is_finite() {
+        along.clamp(0.0, 1.0)
+    } else {
+        0.0
+    }
+}
+
+/// How far a place is from a straight line between two places of the cloth, mm.
+pub(crate) fn away_mm(ends: [Vec2; 2], at_mm: Vec2) -> f32 {
+    at_mm.distance(ends[0].lerp(ends[1], nearest_share(ends, at_mm)))
+}
+
+/// What goes over smoothly from none at 0 and below to one at 1 and above.
+pub(crate) fn smooth(x: f32) -> f32 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
+}
+
 impl Stroke {
     /// Checks the numbers.
     ///
@@ -71,8 +93,8 @@ impl Stroke {
         Ok(())
     }
 
-    /// The way of the hand.
-    pub(crate) fn way(&self) -> Way {
+    /// The line along which the hand goes.
+    pub(crate) fn path(&self) -> HandPath {
         let given = [self.from_mm]
             .into_iter()
             .chain(self.through_mm.iter().copied());
@@ -84,7 +106,7 @@ impl Stroke {
         for pair in points.windows(2) {
             at_mm.push(at_mm[at_mm.len() - 1] + pair[0].distance(pair[1]));
         }
-        Way {
+        HandPath {
             points,
             at_mm,
             widths_mm: [self.width_mm, self.to_width_mm.unwrap_or(self.width_mm)],
@@ -112,10 +134,10 @@ fn rounded(points: &[Vec2]) -> Vec<Vec2> {
     cut
 }
 
-/// The way of a stroke, with its corners rounded.
-pub(crate) struct Way {
+/// The line of a stroke, with its corners rounded.
+pub(crate) struct HandPath {
     points: Vec<Vec2>,
-    /// Length of the way up to every point.
+    /// Length of the line up to every point.
     at_mm: Vec<f32>,
     /// Widths where it begins and ends.
     widths_mm: [f32; 2],
@@ -123,19 +145,14 @@ pub(crate) struct Way {
     tangent: f32,
 }
 
-impl Way {
-    /// Distance to the way from a place, and there its direction and the width of the stroke.
+impl HandPath {
+    /// Distance to the line from a place, and there its direction and the width of the stroke.
     fn nearest(&self, at_mm: Vec2) -> (f32, Vec2, f32) {
         let length_mm = self.at_mm[self.at_mm.len() - 1];
         let piece = |(pair, ends_mm): (&[Vec2], &[f32])| {
             let [from, to] = [pair[0], pair[1]];
-            let along = (at_mm - from).dot(to - from) / (to - from).length_squared();
-            let along = if along.is_finite() {
-                along.clamp(0.0, 1.0)
-            } else {
-                0.0
-            };
-            let away = at_mm.distance(from + along * (to - from));
+            let along = nearest_share([from, to], at_mm);
+            let away = at_mm.distance(from.lerp(to, along));
             let run = (ends_mm[0] + along * (ends_mm[1] - ends_mm[0])) / length_mm;
             let [from_mm, to_mm] = self.widths_mm;
             let width_mm = from_mm + run * (to_mm - from_mm);
@@ -156,16 +173,12 @@ impl Way {
 
     /// The lean at a place after strokes one after the other over pile of another lean, as tangents
     /// along weft and warp.
-    pub fn tangent_after(ways: &[Way], at_mm: Vec2, before: Vec2) -> Vec2 {
-        ways.iter().fold(before, |before, way| {
-            let (away, direction, width_mm) = way.nearest(at_mm);
+    pub fn tangent_after(paths: &[HandPath], at_mm: Vec2, before: Vec2) -> Vec2 {
+        paths.iter().fold(before, |before, path| {
+            let (away, direction, width_mm) = path.nearest(at_mm);
             // One in the middle of the stroke, none beside it.
-            let inside = (0.5 - away / width_mm) / (0.5 * SOFT);
-            let inside = inside.clamp(0.0, 1.0);
-            before.lerp(
-                direction * way.tangent,
-                inside * inside * (3.0 - 2.0 * inside),
-            )
+            let share = smooth((0.5 - away / width_mm) / (0.5 * SOFT));
+            before.lerp(direction * path.tangent, share)
         })
     }
 }
@@ -189,8 +202,8 @@ mod tests {
             stroke([-5.0, 0.0], [5.0, 0.0]),
             stroke([0.0, -5.0], [0.0, 5.0]),
         ];
-        let ways = strokes.each_ref().map(Stroke::way);
-        let at = |x, y| Way::tangent_after(&ways, Vec2::new(x, y), Vec2::ZERO);
+        let paths = strokes.each_ref().map(Stroke::path);
+        let at = |x, y| HandPath::tangent_after(&paths, Vec2::new(x, y), Vec2::ZERO);
         assert!(at(3.0, 0.0).abs_diff_eq(Vec2::X, 1e-6));
         assert!(at(0.0, 0.0).abs_diff_eq(Vec2::Y, 1e-6));
         assert_eq!(at(3.0, 1.1), Vec2::ZERO);
@@ -211,8 +224,8 @@ mod tests {
             to_width_mm: Some(6.0),
             ..strokes[0].clone()
         };
-        let [bent, straight] = [&bent, &strokes[0]].map(|s| [s.way()]);
-        let at = |ways: &[Way; 1], x, y| Way::tangent_after(ways, Vec2::new(x, y), Vec2::ZERO);
+        let [bent, straight] = [&bent, &strokes[0]].map(|s| [s.path()]);
+        let at = |paths: &[HandPath; 1], x, y| HandPath::tangent_after(paths, Vec2::new(x, y), Vec2::ZERO);
         let top = at(&bent, 0.0, 3.0);
         assert!(top.abs_diff_eq(Vec2::X, 0.02), "{top}");
         assert!(at(&bent, 4.0, -0.8).y < -0.1 && at(&bent, -4.0, -0.8) == Vec2::ZERO);

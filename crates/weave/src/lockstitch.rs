@@ -18,6 +18,8 @@ pub struct LockstitchSpec {
     pub layers_mm: [f64; 2],
     /// How far the upper side sinks at a hole.
     pub sink_mm: f64,
+    /// Diameter of a hole, from which the cloth is pushed aside; 0 for none.
+    pub hole_mm: f64,
 }
 
 /// A row of lockstitches.
@@ -28,6 +30,9 @@ pub struct Lockstitch {
     thread_radius_mm: f64,
     layers_mm: [f64; 2],
     sink_mm: f64,
+    /// Radius of a hole, and how far from its middle cloth is pushed aside.
+    hole_radius_mm: f64,
+    hole_reach_mm: f64,
 }
 
 /// Deviation of holes from their places, in stitches, along the row and across it (estimated).
@@ -37,6 +42,15 @@ const JITTER: DVec2 = DVec2::new(0.04, 0.015);
 const BETWEEN: f64 = 0.45;
 /// Radii of the thread across which pressed cloth comes up again (estimated).
 const REACH: f64 = 3.2;
+/// Diameters of a hole across which the cloth around it is pushed aside (estimated).
+const HOLE_REACH: f64 = 3.0;
+/// Radius of a hole, at most, as a share of that reach: cloth beside it keeps a fifth of its width.
+const WIDEST_HOLE: f64 = 0.4;
+/// Radius of the cloth in the middle of a hole that is not pushed aside but left out, in radii of
+/// the hole.
+const LEFT_OUT: f64 = 0.02;
+/// Length of a mesh's edges at a hole, in radii of the hole.
+const HOLE_EDGE: f64 = 0.4;
 /// Radii of the thread between its middle and either strand of the needle thread in a hole.
 const STRANDS: f64 = 1.1;
 
@@ -53,11 +67,17 @@ impl Lockstitch {
             let off = 3.0f64.sqrt() * (2.0 * rng.unit2().as_dvec2() - 1.0);
             place + off * JITTER * own_mm
         };
+        let holes_mm: Vec<DVec2> = (0..=count as u32).map(&mut hole).collect();
+        // No place is pushed by two holes.
+        let pairs = holes_mm.windows(2).map(|pair| pair[0].distance(pair[1]));
+        let hole_reach_mm = pairs.fold(HOLE_REACH * spec.hole_mm, |least, d| least.min(0.5 * d));
         Lockstitch {
-            holes_mm: (0..=count as u32).map(&mut hole).collect(),
+            holes_mm,
             thread_radius_mm,
             layers_mm: spec.layers_mm,
             sink_mm: spec.sink_mm,
+            hole_radius_mm: (0.5 * spec.hole_mm).min(WIDEST_HOLE * hole_reach_mm),
+            hole_reach_mm,
         }
     }
 
@@ -66,11 +86,61 @@ impl Lockstitch {
         2.5 * REACH * self.thread_radius_mm
     }
 
-    /// How far the upper side of the cloth sinks at a place.
-    pub fn depth_mm(&self, place_mm: DVec2) -> f64 {
+    /// The holes before and after a place.
+    fn holes_beside_mm(&self, place_mm: DVec2) -> [DVec2; 2] {
         let after = self.holes_mm.partition_point(|h| h.x < place_mm.x);
         let last = self.holes_mm.len() - 1;
-        let [a, b] = [after.saturating_sub(1), after.min(last)].map(|i| self.holes_mm[i]);
+        [after.saturating_sub(1), after.min(last)].map(|i| self.holes_mm[i])
+    }
+
+    /// A place, as seen from the nearest hole.
+    fn from_hole_mm(&self, place_mm: DVec2) -> DVec2 {
+        let [a, b] = self.holes_beside_mm(place_mm).map(|hole| place_mm - hole);
+        match a.length_squared() < b.length_squared() {
+            true => a,
+            false => b,
+        }
+    }
+
+    /// How far cloth that lay at this distance from a hole's middle is pushed away from it: by the
+    /// hole's radius at its middle. Cloth that lay farther away stays so.
+    fn push_mm(&self, away_mm: f64) -> f64 {
+        let share = (1.0 - away_mm / self.hole_reach_mm).max(0.0);
+        self.hole_radius_mm * share * share
+    }
+
+    /// Whether cloth is pushed away from the holes.
+    pub fn has_holes(&self) -> bool {
+        self.hole_radius_mm > 0.0
+    }
+
+    /// By how much cloth that lay at a place is pushed away from a hole; `None` in the middle of
+    /// one, where there is none.
+    pub fn pushed_mm(&self, place_mm: DVec2) -> Option<DVec2> {
+        if !self.has_holes() {
+            return Some(DVec2::ZERO);
+        }
+        let away = self.from_hole_mm(place_mm);
+        let away_mm = away.length();
+        let is_left = away_mm > LEFT_OUT * self.hole_radius_mm;
+        is_left.then(|| self.push_mm(away_mm) / away_mm * away)
+    }
+
+    /// How long the edges of a mesh may be at a place so that holes show as round: the shorter, the
+    /// farther they are drawn apart around a hole.
+    pub fn longest_edge_mm(&self, place_mm: DVec2) -> f64 {
+        if !self.has_holes() {
+            return f64::INFINITY;
+        }
+        let (radius_mm, away_mm) = (self.hole_radius_mm, self.from_hole_mm(place_mm).length());
+        let lay_mm = away_mm.max(LEFT_OUT * radius_mm);
+        let shrunk = lay_mm / (lay_mm + self.push_mm(lay_mm));
+        HOLE_EDGE * radius_mm * shrunk + (away_mm - self.hole_reach_mm).max(0.0)
+    }
+
+    /// How far the upper side of the cloth sinks at a place.
+    pub fn depth_mm(&self, place_mm: DVec2) -> f64 {
+        let [a, b] = self.holes_beside_mm(place_mm);
         let share = match b.x > a.x {
             true => (place_mm.x - a.x) / (b.x - a.x),
             false => 0.0,
@@ -151,11 +221,16 @@ mod tests {
     const LAYERS_MM: [f64; 2] = [-2.0, 0.5];
 
     fn row(seed: u64) -> Lockstitch {
+        row_with_holes(seed, 0.0, 0.0)
+    }
+
+    fn row_with_holes(seed: u64, hole_mm: f64, zigzag_mm: f64) -> Lockstitch {
         let spec = LockstitchSpec {
             stitch_mm: 3.1,
-            zigzag_mm: 0.0,
+            zigzag_mm,
             layers_mm: LAYERS_MM,
             sink_mm: 0.25,
+            hole_mm,
         };
         Lockstitch::new(&spec, 30.0, 0.2, seed)
     }
@@ -201,5 +276,32 @@ mod tests {
         let aside = first + row.reach_mm() * DVec2::Y;
         let ahead = DVec2::new(-row.reach_mm() - 1.0, 0.0);
         assert!(row.depth_mm(aside) < 1e-3 && row.depth_mm(ahead) < 1e-3);
+    }
+    /// Cloth is pushed out of a hole, comes nowhere before other cloth, and lies as before at a few
+    /// diameters of the hole.
+    #[test]
+    fn holes_push_cloth_aside_without_a_fold() {
+        for (hole_mm, zigzag_mm) in [(0.7, 0.0), (0.3, 2.0), (3.0, 0.0)] {
+            let row = row_with_holes(4, hole_mm, zigzag_mm);
+            for (i, hole) in row.holes_mm.iter().enumerate() {
+                assert_eq!(row.pushed_mm(*hole), None);
+                let direction = DVec2::from_angle(i as f64);
+                let at = |k: i32| {
+                    let away_mm = 0.03 * row.hole_radius_mm * f64::from(k);
+                    let place = *hole + away_mm * direction;
+                    (place + row.pushed_mm(place).unwrap()).distance(*hole)
+                };
+                let opening_mm = at(1);
+                let wide = hole_mm.min(0.8);
+                assert!(opening_mm > 0.49 * wide, "{hole_mm}: {opening_mm}");
+                for k in 1..60 {
+                    assert!(at(k + 1) - at(k) > 0.005 * row.hole_radius_mm);
+                }
+            }
+            let beside = row.holes_mm[2] + 3.0 * hole_mm.max(1.0) * DVec2::Y * -1.0;
+            let away = beside + DVec2::Y * -zigzag_mm;
+            assert_eq!(row.pushed_mm(away), Some(DVec2::ZERO));
+        }
+        assert_eq!(row(4).pushed_mm(row(4).holes_mm[2]), Some(DVec2::ZERO));
     }
 }

@@ -4,6 +4,7 @@ use super::laying::Laying;
 use super::{At, ObjectKind};
 use crate::build_options::BuildOptions;
 use crate::cloth_place::{ClothPlace, FarSheet};
+use crate::crease::Crease;
 use crate::crush::{Crush, CrushedLean};
 use crate::drape::{self, MeshKeys};
 use crate::error::{InputError, Result};
@@ -16,7 +17,7 @@ use crate::read;
 use crate::representation::{Build, EXPLICIT_FIBRES, ModelKey, ShownAs, VoxelBuild, owners};
 use crate::scattering::ScatteringTable;
 use crate::stitch::{self, Row, Stitch};
-use crate::stroke::{Stroke, Way};
+use crate::stroke::{Stroke, HandPath};
 use crate::volume_cache::VolumePlan;
 use glam::DVec3;
 use organza_basis::{Budget, CellGrid, SegmentSource};
@@ -31,7 +32,7 @@ use serde_json::{Value, json};
 /// to 20 %.
 const FAR_MM: f64 = 1e5;
 
-/// The most faces that a mesh is divided into, so that strokes and stitches show.
+/// The most faces that a mesh is divided into, so that strokes, creases and stitches show.
 const MAX_FACES: u64 = 4 << 20;
 
 /// A cloth: a fabric, laid where the scene says.
@@ -73,6 +74,9 @@ pub struct ClothTable {
     pub stroke: Vec<Stroke>,
     /// With `mesh`: pile that was crushed before the strokes.
     pub crush: Option<Crush>,
+    /// With `mesh`: pressed creases.
+    #[serde(default)]
+    pub crease: Vec<Crease>,
     /// With `mesh`: rows of stitches.
     #[serde(default)]
     pub stitch: Vec<Stitch>,
@@ -120,6 +124,7 @@ impl ObjectKind for ClothTable {
         for (key, is_given) in [
             ("stroke", !self.stroke.is_empty()),
             ("crush", self.crush.is_some()),
+            ("crease", !self.crease.is_empty()),
             ("stitch", !self.stitch.is_empty()),
         ] {
             if is_given && self.mesh.is_none() {
@@ -137,6 +142,10 @@ impl ObjectKind for ClothTable {
         if let Some(crush) = &self.crush {
             let checked = crush.check();
             checked.map_err(|why| at.fail(format!(".crush{why}")))?;
+        }
+        for (i, crease) in self.crease.iter().enumerate() {
+            let checked = crease.check();
+            checked.map_err(|why| at.fail(format!(".crease[{i}]{why}")))?;
         }
         if let Some(found) = self.voxel_um.filter(|v| !(*v > 0.0 && v.is_finite())) {
             return Err(at.fail(format!(
@@ -397,27 +406,30 @@ fn media(
         threads = stitch::threads(&rows, mesh, &fabric, max_bytes())
             .map_err(|why| fail(format!("stitch{why}")))?;
         let crush = crushed_lean(table, index, options)?;
-        let ways: Vec<Way> = table.stroke.iter().map(Stroke::way).collect();
+        let paths: Vec<HandPath> = table.stroke.iter().map(Stroke::path).collect();
         let crushed_mm = crush
             .as_ref()
             .map_or(f32::INFINITY, CrushedLean::longest_edge_mm);
         let longest = |at_mm| {
-            let strokes = ways.iter().map(|way| way.longest_edge_mm(at_mm));
-            let rows = rows.iter().map(|row| row.longest_edge_mm(at_mm));
-            strokes.chain(rows).fold(crushed_mm, f32::min)
+            let strokes = paths.iter().map(|path| path.longest_edge_mm(at_mm));
+            let creases = table.crease.iter().map(|c| c.longest_edge_mm(at_mm));
+            let rows = stitch::longest_edge_mm(&rows, at_mm).min(crushed_mm);
+            strokes.chain(creases).fold(rows, f32::min)
         };
         // Faces are counted with the shell that they become.
         let most_faces = (max_bytes() / Shell::memory_bytes(1)).min(MAX_FACES) as usize;
         mesh.refine(longest, most_faces).map_err(|e| {
             fail(format!(
-                "mesh: with short edges at strokes, crushed pile and stitches: {e}"
+                "mesh: with short edges at strokes, crushed pile, creases and stitches: {e}"
             ))
         })?;
+        stitch::pierce(&rows, mesh).map_err(|why| fail(format!("stitch{why}")))?;
         stitch::press(&rows, mesh, thickness_mm);
-        if crush.is_some() || !ways.is_empty() {
+        Crease::flatten(&table.crease, mesh);
+        if crush.is_some() || !paths.is_empty() {
             mesh.lean(|at_mm| {
                 let crushed = crush.as_ref().map(|c| c.tangent_at(at_mm));
-                Way::tangent_after(&ways, at_mm, crushed.unwrap_or_default())
+                HandPath::tangent_after(&paths, at_mm, crushed.unwrap_or_default())
             });
         }
     }

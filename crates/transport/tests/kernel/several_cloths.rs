@@ -47,8 +47,23 @@ fn bent_mesh() -> Mesh {
     })
 }
 
+/// The same with a hole in its middle, and flattened beside it.
+fn pierced_mesh() -> Mesh {
+    let mut mesh = bent_mesh();
+    mesh.refine(|at| 0.4 * at.length().max(2e-3), 1 << 16)
+        .unwrap();
+    let push = |at: Vec2| 0.06 * (1.0 - at.length() / 0.3).max(0.0).powi(2) / at.length();
+    mesh.shift(|at| (at.length() > 2e-3).then(|| push(at) * at))
+        .unwrap();
+    mesh.flatten(|at| 0.5 * (1.0 - (at.y - 0.1).abs() / 0.2).max(0.0));
+    mesh
+}
+
 pub(crate) fn draped(materials: Vec<Fibre>) -> AnyMedium {
-    let mesh = bent_mesh();
+    over(bent_mesh(), materials)
+}
+
+fn over(mesh: Mesh, materials: Vec<Fibre>) -> AnyMedium {
     let shell = Shell::new(&mesh, 0.0, 0.2).unwrap();
     let draping = Draping::new(DrapedMesh::new(mesh), Some(shell));
     let volumes = vec![fibres_of(true, materials)];
@@ -60,6 +75,11 @@ fn with(first: AnyMedium, others: Vec<AnyMedium>, lights: Vec<Light>) -> Scene {
     let mut scene = scene(first, lights, wide(0.5));
     scene.media.extend(others);
     scene
+}
+
+fn pierced() -> Scene {
+    let cloth = over(pierced_mesh(), silk_and_cotton());
+    with(cloth, Vec::new(), parallel())
 }
 
 pub(crate) fn scenes() -> Vec<(&'static str, Scene)> {
@@ -100,7 +120,8 @@ fn several_cloths_agree_with_the_general_walk() {
     for (name, scene) in scenes() {
         assert_agreement(name, &scene);
     }
-    // Known-bad twins: a darker table, and other fibres over the mesh.
+    assert_agreement("pierced and flattened", &pierced());
+    // Known-bad twins: a darker table, whole cloth, and other fibres over the mesh.
     let settings = settings(0..samples(), u32::MAX);
     let over = |table| {
         let cloth = fibres_of(true, silk_and_cotton());
@@ -110,6 +131,11 @@ fn several_cloths_agree_with_the_general_walk() {
     for (name, right, wrong) in [
         ("a table", over(table(-0.05, 0.0)), over(table(-0.05, 0.2))),
         ("bent", bent(silk_and_cotton()), bent(cotton_and_silk())),
+        (
+            "pierced and flattened",
+            pierced(),
+            bent(silk_and_cotton()),
+        ),
     ] {
         let (oracle, _) = walked(&right, &settings);
         let (own, _) = by_cells(&wrong, &settings, Backend::widest());
@@ -124,6 +150,7 @@ fn back_ends_walk_several_cloths_alike() {
     for (name, scene) in scenes() {
         assert_same_bits(name, &scene);
     }
+    assert_same_bits("pierced and flattened", &pierced());
 }
 
 #[test]

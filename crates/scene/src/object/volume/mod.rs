@@ -93,6 +93,7 @@ impl VolumeTable {
             mm_per_uv: self.mm_per_uv,
             stroke: Vec::new(),
             crush: None,
+            crease: Vec::new(),
             stitch: Vec::new(),
             voxel_um: None,
             seed: None,
