@@ -225,7 +225,9 @@ mod tests {
             ..strokes[0].clone()
         };
         let [bent, straight] = [&bent, &strokes[0]].map(|s| [s.path()]);
-        let at = |paths: &[HandPath; 1], x, y| HandPath::tangent_after(paths, Vec2::new(x, y), Vec2::ZERO);
+        let at = |paths: &[HandPath; 1], x, y| {
+            HandPath::tangent_after(paths, Vec2::new(x, y), Vec2::ZERO)
+        };
         let top = at(&bent, 0.0, 3.0);
         assert!(top.abs_diff_eq(Vec2::X, 0.02), "{top}");
         assert!(at(&bent, 4.0, -0.8).y < -0.1 && at(&bent, -4.0, -0.8) == Vec2::ZERO);

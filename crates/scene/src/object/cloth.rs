@@ -17,7 +17,7 @@ use crate::read;
 use crate::representation::{Build, EXPLICIT_FIBRES, ModelKey, ShownAs, VoxelBuild, owners};
 use crate::scattering::ScatteringTable;
 use crate::stitch::{self, Row, Stitch};
-use crate::stroke::{Stroke, HandPath};
+use crate::stroke::{HandPath, Stroke};
 use crate::volume_cache::VolumePlan;
 use glam::DVec3;
 use organza_basis::{Budget, CellGrid, SegmentSource};

@@ -131,11 +131,7 @@ fn several_cloths_agree_with_the_general_walk() {
     for (name, right, wrong) in [
         ("a table", over(table(-0.05, 0.0)), over(table(-0.05, 0.2))),
         ("bent", bent(silk_and_cotton()), bent(cotton_and_silk())),
-        (
-            "pierced and flattened",
-            pierced(),
-            bent(silk_and_cotton()),
-        ),
+        ("pierced and flattened", pierced(), bent(silk_and_cotton())),
     ] {
         let (oracle, _) = walked(&right, &settings);
         let (own, _) = by_cells(&wrong, &settings, Backend::widest());

@@ -99,8 +99,8 @@ pub(super) fn imported(
     }
     if let Some(sides_mm) = fabric.draft.curve_tile_mm {
         let sides_mm = DVec2::from_array(sides_mm).as_vec2();
-        bounds_mm.min = bounds_mm.min.with_xy(Vec2::ZERO);
-        bounds_mm.max = bounds_mm.max.with_xy(sides_mm);
+        bounds_mm.min = Vec2::ZERO.extend(bounds_mm.min.z);
+        bounds_mm.max = sides_mm.extend(bounds_mm.max.z);
     }
     Ok(Cloth {
         draft: None,
