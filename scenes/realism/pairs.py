@@ -131,7 +131,6 @@ LOOPS = ('[pile]\nkind = "loop"\nyarn = "pile"\nevery = [1, 2]\nheight_mm = 2.4\
 STROKED = {"scene": "../gallery/stroked.toml", "sets": ["object.0.stroke=[]"]}
 CRUSHED = STROKED["sets"] + ["object.0.crush={ lean_deg = 50.0, size_mm = 7.0, seed = 1 }"]
 PILE = [
-    ("loops collide", TERRY | {"tables": LOOPS.format("")}, {"tables": LOOPS.format("collide = true")}, 16),
     ("collide, ruffle", TERRY | {"tables": LOOPS.format("")},
      {"tables": LOOPS.format("collide = true\nruffle_deg = 28.0\nruffle_mm = 2.5")}, 16),
     ("crushed", STROKED, {"sets": CRUSHED}, 26),
