@@ -255,9 +255,7 @@ fn very_bright_samples_are_kept() {
         let middle = scene.media[0].cell_grid().unwrap().bounds_mm().centre();
         let corner = middle - Vec3::new(4.0, 4.0, 3.0);
         Light::from(
-            RectangleLight::new(corner, 8.0 * Vec3::X, 8.0 * Vec3::Y, Rgb::WHITE, true)
-                .unwrap()
-                .with_search(LightSearch::Both),
+            RectangleLight::new(corner, 8.0 * Vec3::X, 8.0 * Vec3::Y, Rgb::WHITE, true).unwrap(),
         )
     };
     scene.lights = vec![lamp];

@@ -124,11 +124,7 @@ fn sky() -> Vec<Light> {
 /// One panel beside the camera, and one behind the matter that is seen through it.
 fn panels() -> Vec<Light> {
     let panel = |corner, u, v, radiance, two_sided| {
-        Light::from(
-            RectangleLight::new(corner, u, v, radiance, two_sided)
-                .unwrap()
-                .with_search(LightSearch::Both),
-        )
+        Light::from(RectangleLight::new(corner, u, v, radiance, two_sided).unwrap())
     };
     vec![
         panel(

@@ -28,7 +28,7 @@ fn panel(solid_angle: f32, is_behind: bool, factor: f32) -> Light {
     };
     let radiance = Rgb::new(1.0, 0.8, 0.5) * factor;
     let light = RectangleLight::new(corner, u, v, radiance, false).unwrap();
-    Light::from(light.with_search(LightSearch::Both))
+    Light::from(light)
 }
 
 /// Mean variance of the samples of a pixel, in red.

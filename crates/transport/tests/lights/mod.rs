@@ -267,7 +267,7 @@ fn rectangles_are_seen() {
         }
         let rectangle =
             RectangleLight::new(Vec3::new(-0.5, -0.5, 0.5), u, v, Rgb::WHITE, two_sided).unwrap();
-        let light = Light::from(rectangle.with_search(LightSearch::Both));
+        let light = Light::from(rectangle);
         let scene = looking_down(vec![slab(20.0, 0.0, tilted(), true)], vec![light], 0.1);
         mean(&scene, Integrator::Woodcock, u32::MAX, 4, 160).0
     };
