@@ -79,8 +79,8 @@ def curtain(s, t):
 
 def hanging(s, t):
     """Folds of a light curtain, which widen downwards."""
-    phase = 2 * pi * (s + 0.9 * sin(t / 17.0)) / (11.0 - 0.035 * t)
-    return (0.75 + 0.3 * sin(s / 9.0 + 0.6)) * sin(phase + 0.8 * sin(s / 7.0))
+    phase = 2 * pi * (s + 0.9 * sin(t / 17.0)) / (15.0 - 0.03 * t)
+    return (0.5 + 0.2 * sin(s / 9.0 + 0.6)) * sin(phase + 0.8 * sin(s / 7.0))
 
 
 def billow(s, t):
