@@ -47,6 +47,9 @@ const FLAT: f32 = 1e-6;
 /// divided.
 const COARSE: f32 = 4.0 * f32::EPSILON;
 
+/// Nearer to a corner than this share of an edge, a [cut](Mesh::cut) passes through the corner.
+const CORNER: f32 = 1e-4;
+
 impl Mesh {
     /// A mesh of triangles. Normals that are zero are computed. `normals_at` names the shared
     /// corner that a computed normal is averaged over: three numbers per triangle.
@@ -216,51 +219,102 @@ impl Mesh {
         longest_mm_at: impl Fn(Vec2) -> f32,
         most_faces: usize,
     ) -> Result<(), Error> {
-        loop {
-            let mut middles: HashMap<(u32, u32), u32> = HashMap::new();
-            let mut points = self.points() as u32;
-            for (triangle, ids) in self.triangles.iter().zip(&self.corners) {
-                for (k, next) in EDGES {
-                    let [a, b] = [k, next].map(|i| triangle[i].uv_mm);
-                    let middle = 0.5 * (a + b);
-                    let coarse_mm = COARSE * middle.abs().max_element();
-                    if a.distance(b) > longest_mm_at(middle).max(coarse_mm) {
-                        middles.entry(edge(ids, k, next)).or_insert_with(|| {
-                            points += 1;
-                            points - 1
-                        });
-                    }
-                }
-            }
-            if middles.is_empty() {
-                return Ok(());
-            }
-            let divided = |ids: &[u32; 3]| EDGES.map(|(k, next)| middles.get(&edge(ids, k, next)));
-            let more = |ids: &[u32; 3]| divided(ids).iter().flatten().count();
-            let faces = self.triangles.len() + self.corners.iter().map(more).sum::<usize>();
-            if faces > most_faces {
-                return Err(Error::TooLarge {
-                    faces,
-                    limit: most_faces,
-                });
-            }
-            let mut triangles = Vec::with_capacity(faces);
-            let mut corners = Vec::with_capacity(faces);
-            for (triangle, ids) in self.triangles.iter().zip(&self.corners) {
-                let middles = divided(ids);
-                for face in parts(middles.map(|m| m.is_some())) {
-                    triangles.push(face.map(|i| match i {
-                        0..3 => triangle[i],
-                        _ => between(&triangle[i - 3], &triangle[(i - 2) % 3]),
-                    }));
-                    corners.push(face.map(|i| match i {
-                        0..3 => ids[i],
-                        _ => middles[i - 3].copied().unwrap_or_default(),
-                    }));
-                }
-            }
-            (self.triangles, self.corners) = (triangles, corners);
+        let is_long = |[a, b]: [Vec2; 2]| {
+            let middle = 0.5 * (a + b);
+            let coarse_mm = COARSE * middle.abs().max_element();
+            (a.distance(b) > longest_mm_at(middle).max(coarse_mm)).then_some(0.5)
+        };
+        while self.divide(is_long, most_faces)? {}
+        Ok(())
+    }
+
+    /// Divides faces along a straight line of the fabric plane: where `side_at` changes its sign,
+    /// which is linear in the place in mm. To be called before [`Mesh::refine`].
+    ///
+    /// # Errors
+    /// More than `most_faces` would be needed.
+    pub fn cut(&mut self, side_at: impl Fn(Vec2) -> f32, most_faces: usize) -> Result<(), Error> {
+        let crossing = |ends: [Vec2; 2]| {
+            let [a, b] = ends.map(&side_at);
+            let share = a / (a - b);
+            // Nearer to an end, the line passes through it.
+            (a * b < 0.0 && (CORNER..=1.0 - CORNER).contains(&share)).then_some(share)
+        };
+        self.divide(crossing, most_faces).map(|_| ())
+    }
+
+    /// The faces whose middle in the fabric plane is inside, as a mesh of their own; what is left is
+    /// this one. Either may have no face.
+    pub fn take(&mut self, is_inside: impl Fn(Vec2) -> bool) -> Mesh {
+        let middle = |t: &[Vertex; 3]| t.iter().map(|v| v.uv_mm).sum::<Vec2>() / 3.0;
+        let all = self.triangles.drain(..).zip(self.corners.drain(..));
+        let (taken, left): (Vec<_>, Vec<_>) = all.partition(|(t, _)| is_inside(middle(t)));
+        (self.triangles, self.corners) = left.into_iter().unzip();
+        let (triangles, corners) = taken.into_iter().unzip();
+        Mesh {
+            triangles,
+            corners,
+            repairs: self.repairs,
+            leans: self.leans.clone(),
         }
+    }
+
+    /// Divides every edge once where `share_at` says, of its ends in the fabric plane, how far along
+    /// it, if at all. Whether any was.
+    fn divide(
+        &mut self,
+        share_at: impl Fn([Vec2; 2]) -> Option<f32>,
+        most_faces: usize,
+    ) -> Result<bool, Error> {
+        // The new point of an edge, and how far along the edge it lies.
+        let mut middles: HashMap<(u32, u32), (u32, f32)> = HashMap::new();
+        let mut points = self.points() as u32;
+        for (triangle, ids) in self.triangles.iter().zip(&self.corners) {
+            for ends in EDGES {
+                let [a, b] = in_order(ids, ends);
+                if let Some(share) = share_at([triangle[a].uv_mm, triangle[b].uv_mm]) {
+                    middles.entry((ids[a], ids[b])).or_insert_with(|| {
+                        points += 1;
+                        (points - 1, share)
+                    });
+                }
+            }
+        }
+        if middles.is_empty() {
+            return Ok(false);
+        }
+        let divided = |ids: &[u32; 3]| {
+            EDGES.map(|ends| middles.get(&in_order(ids, ends).map(|i| ids[i]).into()))
+        };
+        let more = |ids: &[u32; 3]| divided(ids).iter().flatten().count();
+        let faces = self.triangles.len() + self.corners.iter().map(more).sum::<usize>();
+        if faces > most_faces {
+            return Err(Error::TooLarge {
+                faces,
+                limit: most_faces,
+            });
+        }
+        let mut triangles = Vec::with_capacity(faces);
+        let mut corners = Vec::with_capacity(faces);
+        for (triangle, ids) in self.triangles.iter().zip(&self.corners) {
+            let middles = divided(ids);
+            for face in parts(middles.map(|m| m.is_some())) {
+                let middle = |i: usize| middles[i - 3].copied().unwrap_or_default();
+                triangles.push(face.map(|i| match i {
+                    0..3 => triangle[i],
+                    _ => {
+                        let [a, b] = in_order(ids, EDGES[i - 3]);
+                        between(&triangle[a], &triangle[b], middle(i).1)
+                    }
+                }));
+                corners.push(face.map(|i| match i {
+                    0..3 => ids[i],
+                    _ => middle(i).0,
+                }));
+            }
+        }
+        (self.triangles, self.corners) = (triangles, corners);
+        Ok(true)
     }
 
     /// What is added to the normal at a shared corner.
@@ -287,17 +341,18 @@ impl Mesh {
 /// The edges of a face: from a corner to the next.
 const EDGES: [(usize, usize); 3] = [(0, 1), (1, 2), (2, 0)];
 
-/// The name of an edge, the same for both faces that share it.
-fn edge(ids: &[u32; 3], from: usize, to: usize) -> (u32, u32) {
-    (ids[from].min(ids[to]), ids[from].max(ids[to]))
+/// The ends of an edge, the same for both faces that share it.
+fn in_order(ids: &[u32; 3], (a, b): (usize, usize)) -> [usize; 2] {
+    if ids[a] <= ids[b] { [a, b] } else { [b, a] }
 }
 
-/// The corner half way between two.
-fn between(a: &Vertex, b: &Vertex) -> Vertex {
+/// The corner at a share of the way from one to another.
+fn between(a: &Vertex, b: &Vertex, share: f32) -> Vertex {
+    let own = 1.0 - share;
     Vertex {
-        position_mm: 0.5 * (a.position_mm + b.position_mm),
-        normal: (a.normal + b.normal).normalize_or(a.normal),
-        uv_mm: 0.5 * (a.uv_mm + b.uv_mm),
+        position_mm: own * a.position_mm + share * b.position_mm,
+        normal: (own * a.normal + share * b.normal).normalize_or(a.normal),
+        uv_mm: own * a.uv_mm + share * b.uv_mm,
     }
 }
 

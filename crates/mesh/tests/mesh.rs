@@ -287,3 +287,24 @@ fn divided_faces_leave_no_gaps() {
     let refused = bumpy(12).refine(|_| 1e-4, 10_000).unwrap_err();
     assert!(refused.to_string().contains("more than 10000"), "{refused}");
 }
+
+/// Faces that are cut along a line lie on one side of it each, and show the same cloth.
+#[test]
+fn cut_faces_lie_on_one_side() {
+    let mut mesh = read(SQUARE).unwrap();
+    let area = |mesh: &Mesh| -> f32 {
+        let twice = |[a, b, c]: &[Vertex; 3]| (b.uv_mm - a.uv_mm).perp_dot(c.uv_mm - a.uv_mm);
+        mesh.triangles().iter().map(|t| 0.5 * twice(t)).sum()
+    };
+    for place_mm in [7.3, 18.0] {
+        mesh.cut(|at| at.x - place_mm, 1 << 10).unwrap();
+    }
+    let taken = mesh.take(|at| at.x > 7.3 && at.x < 18.0);
+    assert!(
+        (area(&taken) - 25.0 * 10.7).abs() < 1e-3,
+        "{}",
+        area(&taken)
+    );
+    assert!((area(&mesh) - 25.0 * 14.3).abs() < 1e-3, "{}", area(&mesh));
+    assert!(mesh.cut(|at| at.y - 3.0, 4).is_err());
+}

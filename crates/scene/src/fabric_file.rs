@@ -21,7 +21,7 @@ use organza_surface::{ClothSurface, SurfaceSpec, SurfaceTable};
 use organza_transport::{ExplicitFibres, FlakeOptics};
 use organza_volume::ovox::SourceFile;
 use organza_weave::spec::{DraftSpec, ThreadSetSpec};
-use organza_weave::{Cloth, Draft, FabricGeometry, Material, Synthesis};
+use organza_weave::{Cloth, Draft, FabricGeometry, Material, Synthesis, ThreadSystem};
 use rayon::prelude::*;
 use std::cell::RefCell;
 use std::path::Path;
@@ -434,7 +434,7 @@ impl Fabric {
         loader: &Loader<'_>,
     ) -> Result<ExplicitFibres> {
         self.whole(path, "explicit fibres")?;
-        self.fibres_of_cloth(&self.cloth, optics, path, allowed, loader)
+        self.traced(&self.cloth, &self.cloth, optics, path, allowed, loader)
     }
 
     /// Every fibre of [`Fabric::threads`], to be traced.
@@ -448,12 +448,30 @@ impl Fabric {
         allowed: u64,
         loader: &Loader<'_>,
     ) -> Result<ExplicitFibres> {
-        self.fibres_of_cloth(threads, &self.optics, path, allowed, loader)
+        self.traced(threads, threads, &self.optics, path, allowed, loader)
     }
 
-    fn fibres_of_cloth(
+    /// Every fibre of one system of threads, to be traced.
+    ///
+    /// # Errors
+    /// As [`Fabric::explicit_fibres`]; cloth that has no such threads.
+    pub(crate) fn explicit_system(
+        &self,
+        keep: ThreadSystem,
+        path: &Path,
+        allowed: u64,
+        loader: &Loader<'_>,
+    ) -> Result<ExplicitFibres> {
+        let left = self.cloth.unravelled(keep);
+        let left = left.ok_or_else(|| InputError::of_file(path, "has no warp and weft"))?;
+        self.traced(&self.cloth, &left, &self.optics, path, allowed, loader)
+    }
+
+    /// Fibres of a cloth's materials, to be traced.
+    fn traced(
         &self,
         cloth: &Cloth,
+        source: &dyn SegmentSource,
         optics: &[OpticsFile],
         path: &Path,
         allowed: u64,
@@ -465,7 +483,7 @@ impl Fabric {
         };
         loader
             .run(&task, |done| {
-                ExplicitFibres::new(cloth, fibres, Some(allowed), done)
+                ExplicitFibres::new(source, fibres, Some(allowed), done)
             })
             .map_err(|e| InputError::of_file(path, e))
     }

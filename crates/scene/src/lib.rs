@@ -26,6 +26,7 @@ pub mod far_table;
 mod fibre_model;
 pub mod file_kind;
 mod finish_optics;
+pub mod fringe;
 mod given_files;
 mod large_design;
 pub mod level;

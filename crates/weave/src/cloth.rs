@@ -24,6 +24,7 @@ mod recolour;
 mod repeats;
 mod spacing;
 mod spun;
+mod unravelled;
 mod wear;
 mod yarn_warnings;
 mod yarns;
@@ -58,6 +59,7 @@ pub use pills::PillSpec;
 pub use ply_strands::{Plies, PlyStrand};
 use print::Print;
 pub use print::{PrintImage, PrintMode, PrintSide, PrintSpec};
+pub use unravelled::{ThreadSystem, Unravelled};
 pub use wear::WearSpec;
 
 /// The properties that determine the optics of a segment.

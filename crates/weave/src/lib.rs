@@ -83,7 +83,8 @@ mod yarn;
 pub use cloth::{
     BorderGaps, Cloth, CurveLevel, Curves, Figures, Irregularity, Loader, Material,
     NonwovenFigures, OpenworkFigures, PileFigures, PillSpec, Plies, PlyStrand, PrintImage,
-    PrintMode, PrintSide, PrintSpec, SystemFigures, SystemIrregularity, WearSpec,
+    PrintMode, PrintSide, PrintSpec, SystemFigures, SystemIrregularity, ThreadSystem, Unravelled,
+    WearSpec,
 };
 pub use draft::{Draft, Thread};
 pub use error::Error;

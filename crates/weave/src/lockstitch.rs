@@ -94,7 +94,7 @@ impl Lockstitch {
     }
 
     /// A place, as seen from the nearest hole.
-    fn from_hole_mm(&self, place_mm: DVec2) -> DVec2 {
+    fn seen_from_hole_mm(&self, place_mm: DVec2) -> DVec2 {
         let [a, b] = self.holes_beside_mm(place_mm).map(|hole| place_mm - hole);
         match a.length_squared() < b.length_squared() {
             true => a,
@@ -120,7 +120,7 @@ impl Lockstitch {
         if !self.has_holes() {
             return Some(DVec2::ZERO);
         }
-        let away = self.from_hole_mm(place_mm);
+        let away = self.seen_from_hole_mm(place_mm);
         let away_mm = away.length();
         let is_left = away_mm > LEFT_OUT * self.hole_radius_mm;
         is_left.then(|| self.push_mm(away_mm) / away_mm * away)
@@ -132,7 +132,10 @@ impl Lockstitch {
         if !self.has_holes() {
             return f64::INFINITY;
         }
-        let (radius_mm, away_mm) = (self.hole_radius_mm, self.from_hole_mm(place_mm).length());
+        let (radius_mm, away_mm) = (
+            self.hole_radius_mm,
+            self.seen_from_hole_mm(place_mm).length(),
+        );
         let lay_mm = away_mm.max(LEFT_OUT * radius_mm);
         let shrunk = lay_mm / (lay_mm + self.push_mm(lay_mm));
         HOLE_EDGE * radius_mm * shrunk + (away_mm - self.hole_reach_mm).max(0.0)

@@ -10,6 +10,7 @@ use crate::drape::{self, MeshKeys};
 use crate::error::{InputError, Result};
 use crate::fabric_file::{Fabric, load};
 use crate::far_table::far_table;
+use crate::fringe::{self, Fringe};
 use crate::level::{Levels, Lod, LodName};
 use crate::memory::free_memory_bytes;
 use crate::optics::OpticsFile;
@@ -24,6 +25,7 @@ use organza_basis::{Budget, CellGrid, SegmentSource};
 use organza_mesh::{Mesh, Shell};
 use organza_scatter::FlakeFamily;
 use organza_transport::{AnyMedium, Camera};
+use organza_weave::ThreadSystem;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -77,6 +79,9 @@ pub struct ClothTable {
     /// With `mesh`: pressed creases.
     #[serde(default)]
     pub crease: Vec<Crease>,
+    /// With `mesh` and explicit fibres: where it is unravelled.
+    #[serde(default)]
+    pub fringe: Vec<Fringe>,
     /// With `mesh`: rows of stitches.
     #[serde(default)]
     pub stitch: Vec<Stitch>,
@@ -125,6 +130,7 @@ impl ObjectKind for ClothTable {
             ("stroke", !self.stroke.is_empty()),
             ("crush", self.crush.is_some()),
             ("crease", !self.crease.is_empty()),
+            ("fringe", !self.fringe.is_empty()),
             ("stitch", !self.stitch.is_empty()),
         ] {
             if is_given && self.mesh.is_none() {
@@ -146,6 +152,10 @@ impl ObjectKind for ClothTable {
         for (i, crease) in self.crease.iter().enumerate() {
             let checked = crease.check();
             checked.map_err(|why| at.fail(format!(".crease[{i}]{why}")))?;
+        }
+        for (i, fringe) in self.fringe.iter().enumerate() {
+            let checked = fringe.check();
+            checked.map_err(|why| at.fail(format!(".fringe[{i}]{why}")))?;
         }
         if let Some(found) = self.voxel_um.filter(|v| !(*v > 0.0 && v.is_finite())) {
             return Err(at.fail(format!(
@@ -247,6 +257,14 @@ fn fabric_and_showing(
         return Err(fail(&format!(
             ".mesh: model = {:?} needs a flat cloth; choose another model",
             representation.name
+        )));
+    }
+    if !table.fringe.is_empty() && !matches!(representation.build, Build::ExplicitFibres(_)) {
+        return Err(fail(".fringe: needs model = \"fibres\""));
+    }
+    if let Some(i) = fringe::without_threads(&table.fringe, &fabric.cloth) {
+        return Err(fail(&format!(
+            ".fringe[{i}]: needs a fabric with warp and weft"
         )));
     }
     let is_named = |lod| matches!(lod, Lod::Name(LodName::Auto | LodName::Surface));
@@ -401,7 +419,7 @@ fn media(
     let max_bytes = || options.max_memory_bytes.unwrap_or_else(free_memory_bytes);
     let mut mesh = drape::mesh(table.mesh_keys(), index, options)?;
     let (rows, thickness_mm) = rows(table, &fabric, index, options)?;
-    let mut threads = Vec::new();
+    let (mut threads, mut fringes) = (Vec::new(), Vec::new());
     if let Some(mesh) = &mut mesh {
         threads = stitch::threads(&rows, mesh, &fabric, max_bytes())
             .map_err(|why| fail(format!("stitch{why}")))?;
@@ -418,6 +436,8 @@ fn media(
         };
         // Faces are counted with the shell that they become.
         let most_faces = (max_bytes() / Shell::memory_bytes(1)).min(MAX_FACES) as usize;
+        fringe::cut(&table.fringe, &fabric.cloth, mesh, most_faces)
+            .map_err(|e| fail(format!("fringe: {e}")))?;
         mesh.refine(longest, most_faces).map_err(|e| {
             fail(format!(
                 "mesh: with short edges at strokes, crushed pile, creases and stitches: {e}"
@@ -432,10 +452,13 @@ fn media(
                 HandPath::tangent_after(&paths, at_mm, crushed.unwrap_or_default())
             });
         }
+        fringes = fringe::take(&table.fringe, &fabric.cloth, mesh)
+            .map_err(|why| fail(format!("fringe{why}")))?;
     }
-    let mut media = vec![medium(
-        table, index, as_fibres, camera, options, &fabric, shown, mesh,
-    )?];
+    let laid = (mesh, fringes);
+    let mut media = on_mesh(
+        table, index, as_fibres, camera, options, &fabric, shown, laid,
+    )?;
     let path = read::beside(options.scene_path, &table.fabric);
     for cloth in &threads {
         let fibres = fabric.explicit_threads(cloth, &path, max_bytes(), options.loader)?;
@@ -453,11 +476,12 @@ fn media(
     Ok(media)
 }
 
-/// The cloth that is a scene's object of this index, on its mesh; `as_fibres` whatever its model.
+/// The cloth that is a scene's object of this index, on its mesh, and its fringes on
+/// theirs; `as_fibres` whatever its model.
 ///
 /// # Errors
 /// Names the file and the key at fault.
-fn medium(
+fn on_mesh(
     table: &ClothTable,
     index: usize,
     as_fibres: bool,
@@ -465,8 +489,8 @@ fn medium(
     options: &BuildOptions<'_>,
     fabric: &Fabric,
     shown: ShownAs,
-    mesh: Option<Mesh>,
-) -> Result<AnyMedium> {
+    (mesh, fringes): (Option<Mesh>, Vec<(ThreadSystem, Mesh)>),
+) -> Result<Vec<AnyMedium>> {
     let path = read::beside(options.scene_path, &table.fabric);
     let fail =
         |why: &str| InputError::keyed(format!("object[{index}]{why}")).in_file(options.scene_path);
@@ -491,9 +515,9 @@ fn medium(
         scene_path: options.scene_path,
     };
     let alone = |sheet: FarSheet| {
-        place
-            .sheet_alone(sheet)?
-            .ok_or_else(|| fail(".fabric: its tile has no volume"))
+        let laid = place.sheet_alone(sheet)?;
+        let laid = laid.ok_or_else(|| fail(".fabric: its tile has no volume"))?;
+        Ok(vec![laid])
     };
     let lod = table.lod;
     // Beyond curves, which have no levels of their own, a far-field table is seen.
@@ -508,7 +532,8 @@ fn medium(
     let (nearest, farthest) = place.footprints_mm(camera);
     let is_far = |sheet: &FarSheet| nearest >= sheet.repeat_mm;
     let beyond = match far {
-        Some(sheet) if is_far(&sheet) => return alone(sheet),
+        // A fringe has no table.
+        Some(sheet) if is_far(&sheet) && fringes.is_empty() => return alone(sheet),
         beyond => beyond,
     };
     // Curves that rays meet, with the box that they take.
@@ -526,7 +551,10 @@ fn medium(
         };
         let mut once = Some(curves);
         let laid = levels.medium(&place, sheet, |_| Ok(once.take()))?;
-        laid.ok_or_else(|| fail(".mesh: the cloth cannot be laid over it"))
+        let laid = laid.ok_or_else(|| fail(".mesh: the cloth cannot be laid over it"))?;
+        let mut media = fringe::media(&fringes, fabric, &path, &place, options)?;
+        media.insert(0, laid);
+        Ok(media)
     };
     let voxels = match &shown.representation.build {
         Build::ExplicitFibres(trace) => {
@@ -546,7 +574,7 @@ fn medium(
     let plan = plan(fabric, voxels, table, index, options)?;
     let limit = options.max_memory_bytes;
     let octree = fabric.voxelize_planned(&path, &plan, limit, options.loader)?;
-    Laying {
+    let laying = Laying {
         fabric,
         path: &path,
         voxels,
@@ -556,6 +584,6 @@ fn medium(
         index,
         camera,
         options,
-    }
-    .medium(place, octree)
+    };
+    Ok(vec![laying.medium(place, octree)?])
 }

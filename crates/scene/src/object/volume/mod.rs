@@ -94,6 +94,7 @@ impl VolumeTable {
             stroke: Vec::new(),
             crush: None,
             crease: Vec::new(),
+            fringe: Vec::new(),
             stitch: Vec::new(),
             voxel_um: None,
             seed: None,

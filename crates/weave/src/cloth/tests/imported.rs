@@ -1,6 +1,7 @@
 //! Imported curves as cloth.
 
 use super::*;
+use glam::Vec2;
 
 #[test]
 fn imported_yarns_get_fibres_and_imported_fibres_stay_as_they_are() {
