@@ -1,7 +1,7 @@
 //! Commands, exit codes and messages.
 
 use crate::program::{argv, complaint, ended, exr_channels, folder, organza, succeed, write_vol};
-use organza_testing::assert_contains;
+use organza_testing::{assert_contains, is_full};
 use std::path::Path;
 
 const GRID_SCENE: &str = r#"[render]
@@ -178,7 +178,12 @@ fn the_scenes_and_fabrics_of_the_project_are_good() {
         for entry in std::fs::read_dir(scenes.join(within)).unwrap() {
             let path = entry.unwrap().path();
             if path.extension().is_some_and(|e| e == "toml") {
-                succeed(&folder, &["info", path.to_str().unwrap(), "--quiet"]);
+                let mut words = vec!["info", path.to_str().unwrap(), "--quiet"];
+                // A nonwoven of the size that is rendered has its fibres pushed apart for seconds.
+                if within.ends_with("nonwoven") && !is_full() {
+                    words.extend(["--set", "nonwoven.tile_mm=[2, 2]"]);
+                }
+                succeed(&folder, &words);
                 looked_at += 1;
             }
         }

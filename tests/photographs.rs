@@ -167,7 +167,7 @@ impl Planted {
         std::fs::write(folder.join("truth.toml"), self.text()).unwrap();
         std::fs::write(folder.join("yarns.toml"), START).unwrap();
         self.camera
-            .photograph(&folder, size_mm, [width, height], self.seed);
+            .photograph(&folder, 2, size_mm, [width, height], self.seed);
         let [light, back_light] = self.camera.lights.map(|[t, p]| format!("{t},{p}"));
         let width_mm = size_mm[0].to_string();
         let words = format!(
@@ -306,7 +306,7 @@ fn stripes_come_back_in_step_with_the_draft() {
     );
     std::fs::write(folder.join("truth.toml"), truth).unwrap();
     let size_mm = [10.0, 240.0 / 22.0];
-    DISTANT.photograph(&folder, size_mm, [240, 262], 109);
+    DISTANT.photograph(&folder, 1, size_mm, [240, 262], 109);
     let light = DISTANT.lights.map(|[t, p]| format!("{t},{p}"))[0].clone();
     let words = "fit cloth --quick --front front.exr --width-mm 10 --white 0.8 --json --quiet \
         -o fitted.toml --light";
@@ -344,7 +344,7 @@ fn knits_and_noise_are_refused() {
     std::fs::write(folder.join("truth.toml"), knit).unwrap();
     // Ten wales and twelve courses.
     let size_mm = [100.0 / 14.0, 120.0 / 18.0];
-    DISTANT.photograph(&folder, size_mm, [240, 224], 5);
+    DISTANT.photograph(&folder, 1, size_mm, [240, 224], 5);
     let width = size_mm[0].to_string();
     let fit = |front: &str, more: &str| {
         let words = format!(

@@ -60,9 +60,16 @@ fn direction([theta, phi]: [f64; 2]) -> [f64; 3] {
 }
 
 impl Camera {
-    /// Photographs of `truth.toml` in a folder, as `front.exr` and `back.exr`: rendered as a user
-    /// would, then darkened, blurred and with noise.
-    pub fn photograph(&self, folder: &Path, size_mm: [f64; 2], size: [usize; 2], seed: u64) {
+    /// Photographs of `truth.toml` in a folder, as `front.exr` and, of two sides, `back.exr`: rendered
+    /// as a user would, then darkened, blurred and with noise.
+    pub fn photograph(
+        &self,
+        folder: &Path,
+        sides: usize,
+        size_mm: [f64; 2],
+        size: [usize; 2],
+        seed: u64,
+    ) {
         let middle = size_mm.map(|s| 0.5 * s);
         let far_mm = self.near_mm.unwrap_or(100.0);
         let kind = match self.near_mm {
@@ -74,7 +81,7 @@ impl Camera {
         };
         // The cloth lies along the axes, so the camera is turned.
         let up = direction([90.0, 90.0 - self.turn_deg]);
-        for (k, name) in ["front", "back"].into_iter().enumerate() {
+        for (k, name) in ["front", "back"][..sides].iter().enumerate() {
             let [theta, phi] = self.lights[k];
             let towards = direction([theta, phi - self.turn_deg]);
             // White paper in the middle has the stated value.
@@ -99,7 +106,7 @@ impl Camera {
                  [camera]\n{kind}\norigin_mm = {:?}\ntarget_mm = {:?}\nup = {up:?}\n\
                  resolution = {size:?}\nfilter = \"box\"\n[[light]]\n{light}\n\
                  [[object]]\nkind = \"cloth\"\nfabric = \"truth.toml\"\nmodel = \"fibres\"\n",
-                sized(40, 80),
+                sized(16, 80),
                 seed + k as u64,
                 [middle[0], middle[1], far_mm],
                 [middle[0], middle[1], 0.0],

@@ -332,20 +332,21 @@ impl Cloth {
     }
 }
 
-/// Brings the segments of a fibre that is longer than the tile into it: whoever takes them looks
-/// at the neighbouring copies only. Each piece of the fibre is a curve of its own.
+/// Brings the segments of fibres that are longer than the tile into it: whoever takes them looks
+/// at the neighbouring copies only. Each piece of a fibre is a curve of its own.
 struct Wrapped {
     tile: Tile,
-    shift: Vec3,
-    pieces: Option<u32>,
+    /// The number that the last fibre had, and how far its last segment was shifted.
+    last: Option<(u32, Vec3)>,
+    pieces: u32,
 }
 
 impl Wrapped {
     fn new(tile: Tile) -> Wrapped {
         Wrapped {
             tile,
-            shift: Vec3::ZERO,
-            pieces: None,
+            last: None,
+            pieces: 0,
         }
     }
 
@@ -356,14 +357,14 @@ impl Wrapped {
         let period = self.tile.period_mm();
         let middle = 0.5 * (s.start_mm + s.end_mm) - self.tile.bounds_mm.min;
         let shift = -((middle.truncate() / period).floor() * period).extend(0.0);
-        if self.pieces.is_none() || shift != self.shift {
-            self.pieces = Some(self.pieces.map_or(0, |n| n + 1));
-            self.shift = shift;
+        if self.last.is_some_and(|last| last != (s.fibre, shift)) {
+            self.pieces += 1;
         }
+        self.last = Some((s.fibre, shift));
         Segment {
             start_mm: s.start_mm + shift,
             end_mm: s.end_mm + shift,
-            fibre: self.pieces.unwrap_or(0),
+            fibre: self.pieces,
             ..*s
         }
     }
@@ -440,6 +441,15 @@ impl Curves<'_> {
             });
             return;
         }
+        if let Centreline::Imported { .. } = &self.cloth.threads[batch].line {
+            let mut wrapped = Wrapped::new(self.cloth.tile);
+            return self.emit_strand(batch, &mut |s| emit(&wrapped.place(s)));
+        }
+        self.emit_strand(batch, emit);
+    }
+
+    /// The segments of a thread that is spun of fibres.
+    fn emit_strand(&self, batch: usize, emit: &mut dyn FnMut(&Segment)) {
         let path = self.cloth.path(&self.cloth.threads[batch], self.level);
         let strand = self.cloth.strand(batch, &path);
         match self.level {
