@@ -33,9 +33,8 @@ def row(places, slope, t):
     return [found[place] for place in places]
 
 
-def write(name, span, reach, columns, count, slope, lift=lambda s, t: 0.0, origin=100):
-    """A sheet whose weft spans `span` (from, to), and whose warp spans `reach`; the cloth begins
-    `origin` before the middle."""
+def write(name, span, reach, columns, count, slope, lift=lambda s, t: 0.0):
+    """A sheet whose weft spans `span` (from, to), and whose warp spans `reach`."""
     places = [span[0] + (span[1] - span[0]) * i / columns for i in range(columns + 1)]
     lines = ["# Written by sheets.py, millimetres; texture coordinates in centimetres."]
     lines.append(f"o {name}")
@@ -43,7 +42,7 @@ def write(name, span, reach, columns, count, slope, lift=lambda s, t: 0.0, origi
     for t in warp:
         points = zip(places, row(places, slope, t))
         lines += [f"v {x:.2f} {t:.2f} {z + lift(s, t):.3f}" for s, (x, z) in points]
-    lines += [f"vt {(s + origin) / 10:.3f} {(t + origin) / 10:.3f}" for t in warp for s in places]
+    lines += [f"vt {(s + 100) / 10:.3f} {(t + 100) / 10:.3f}" for t in warp for s in places]
     for j in range(count):
         for i in range(columns):
             a = j * (columns + 1) + i + 1
@@ -75,12 +74,6 @@ def curtain(s, t):
     """Upright folds of a hanging cloth, some deeper than others."""
     phase = 2 * pi * (s + 1.2 * sin(t / 30.0)) / 15.0
     return (1.15 + 0.25 * sin(s / 13.0)) * sin(phase + 0.9 * sin(s / 11.0))
-
-
-def hanging(s, t):
-    """Folds of a light curtain, which widen downwards."""
-    phase = 2 * pi * (s + 0.9 * sin(t / 17.0)) / (15.0 - 0.03 * t)
-    return (0.5 + 0.2 * sin(s / 9.0 + 0.6)) * sin(phase + 0.8 * sin(s / 7.0))
 
 
 def billow(s, t):
@@ -117,7 +110,6 @@ def main():
     write("folds", (-95.0, 95.0), (-75.0, 75.0), 132, 88, folds)
     write("pleats", (-80.0, 80.0), (-55.0, 55.0), 160, 64, pleats)
     write("curtain", (-50.0, 50.0), (-32.0, 32.0), 110, 16, curtain)
-    write("lace", (-20.0, 20.0), (-20.0, 20.0), 100, 16, hanging, origin=20)
     write("sail", (-36.0, 6.0), (-34.0, 34.0), 42, 68, billow, pucker)
     write("sail_lap", (-6.0, 36.0), (-34.0, 34.0), 42, 68, billow, lambda s, t: pucker(s, t) - 0.24)
     write("shirt", (-95.0, 95.0), (-75.0, 75.0), 120, 88, shirt)
