@@ -34,7 +34,8 @@ use serde_json::{Value, json};
 /// to 20 %.
 const FAR_MM: f64 = 1e5;
 
-/// The most faces that a mesh is divided into, so that strokes, creases and stitches show.
+/// The most faces that a mesh is divided into, so that strokes, crushed pile, creases and stitches
+/// show.
 const MAX_FACES: u64 = 4 << 20;
 
 /// A cloth: a fabric, laid where the scene says.
