@@ -293,6 +293,8 @@ def fit(
     *,
     what: str = "surface",
     data: Union[AnyPath, Mapping[str, Any], None] = None,
+    colour: Union[str, Sequence[float], None] = None,
+    yarn: Optional[str] = None,
     model: str = "auto",
     spp: Optional[int] = None,
     seed: Optional[int] = None,
@@ -321,9 +323,13 @@ def fit(
         volume), ``fibres``
         (colour, roughness and density, to ``data``) or ``picture`` (colour and roughness, to
         the picture of which ``data`` is the path, with ``light``, ``view``, ``width_mm`` and
-        ``white``).
+        ``white``), or ``colour`` (colour of the fibres, so that the cloth reflects ``colour``).
     data
         What :func:`measure` returned for pairs, or the path of a table or picture.
+    colour
+        What the cloth shall reflect: a name, ``"#8c3b2e"``, or linear RGB.
+    yarn
+        The yarn that is dyed; without it all, in proportion to their own colours.
     patience
         Evaluations: of the first scan, and at most of each descent.
     journal
@@ -343,7 +349,8 @@ def fit(
     files = GivenFiles()
     options = dict(
         fabric=files.give_table(fabric),
-        target=what, data=_data(data, files), model=model, spp=spp, seed=seed, patience=patience,
+        target=what, data=_data(data, files), colour=colour, yarn=yarn, model=model, spp=spp,
+        seed=seed, patience=patience,
         light=light, view=view, width_mm=width_mm, white=white, voxel_um=voxel_um,
         journal=journal, outfile=outfile, set=set,
     )  # fmt: skip
