@@ -20,6 +20,8 @@ const HELD_STEPS: usize = 2;
 const ROOT_STEPS: usize = 6;
 /// Share of the lean that a leg has where it leaves the ground, relative to its mean.
 const FIRST_LEAN: f64 = 0.4;
+/// Pieces of the line of a tuft that is pushed.
+pub(crate) const PUSHED_PIECES: usize = 5;
 /// Height of the edge of a ridge over that of its middle (estimated). The legs of a float that is
 /// cut in its middle are equally long, so ridges are round only as far as their edges lean outward.
 const EDGE_HEIGHT: f64 = 0.7;
@@ -46,10 +48,27 @@ pub(crate) struct Tuft {
     pub tip_mm: DVec2,
     /// Height of the tips above the ground's face.
     pub height_mm: f64,
+    /// How far other tufts push it aside at equal steps of height, from the ground's face to the
+    /// tips.
+    pub pushed_mm: [DVec2; PUSHED_PIECES + 1],
     /// Index of the tuft's dye.
     pub dye: usize,
     /// The ridge that the tuft belongs to.
     pub ridge: Option<Ridge>,
+}
+
+impl Tuft {
+    /// How far other tufts push it aside at a share of its height.
+    fn pushed_at(&self, s: f64) -> DVec2 {
+        let place = s * PUSHED_PIECES as f64;
+        let below = (place as usize).min(PUSHED_PIECES - 1);
+        self.pushed_mm[below].lerp(self.pushed_mm[below + 1], place - below as f64)
+    }
+}
+
+/// The share of its lean that a tuft has at a share of its height.
+pub(crate) fn share_of_lean(s: f64) -> f64 {
+    FIRST_LEAN * s + (1.0 - FIRST_LEAN) * s * s
 }
 
 /// A ridge along the warp.
@@ -206,9 +225,9 @@ impl Tufts {
                 + s * (0.5 * tuft.room_mm.x - middle)
                 + fibre.offset_mm.x * spread(0.5 * tuft.room_mm.x);
             let aside = fibre.offset_mm.y * spread(tuft.room_mm.y);
-            let lean = FIRST_LEAN * s + (1.0 - FIRST_LEAN) * s * s;
             let wave = (HALF_WAVES * PI * s + tip.phase_rad).sin() - tip.phase_rad.sin();
-            let shift = lean * (tuft.tip_mm + tip.shift_mm) + s * wave * tip.wave_mm;
+            let lean_mm = share_of_lean(s) * (tuft.tip_mm + tip.shift_mm);
+            let shift = lean_mm + s * wave * tip.wave_mm + tuft.pushed_at(s);
             let plain = at(side * out, aside, 0.0) + shift.extend(0.0);
             (plain, s)
         };

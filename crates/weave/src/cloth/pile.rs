@@ -214,7 +214,7 @@ impl Place<'_> {
                 low = low.min(t.bound_mm.z - root - thickest);
             }
             pile.count = tufts.len();
-            pile.tufts = Some(Arc::new(Tufts {
+            let mut tufts = Tufts {
                 yarn: self.yarn,
                 dyes: self.dyes,
                 tufts,
@@ -223,7 +223,11 @@ impl Place<'_> {
                 fibre_lean: fibre_share * lean,
                 height_cv,
                 wave: spec.wave.unwrap_or(WAVE),
-            }));
+            };
+            if spec.collide {
+                tufts.push_apart(self.size_mm)?;
+            }
+            pile.tufts = Some(Arc::new(tufts));
         }
         cloth.tile.bounds_mm.min.z = (low as f32).next_down();
         cloth.tile.bounds_mm.max.z = (high as f32).next_up();
@@ -294,6 +298,7 @@ impl Place<'_> {
                     room_mm,
                     tip_mm: height_mm * lean,
                     height_mm,
+                    pushed_mm: Default::default(),
                     dye: column % self.dyes.len(),
                     ridge: None,
                 });
@@ -322,6 +327,7 @@ impl Place<'_> {
                     room_mm: 0.5 * DVec2::new(cell.y, cell.x),
                     tip_mm: height_mm * lean,
                     height_mm,
+                    pushed_mm: Default::default(),
                     dye: column % self.dyes.len(),
                     ridge: None,
                 });
@@ -383,6 +389,7 @@ impl Place<'_> {
                         ),
                         tip_mm: height_mm * lean + (over - end.at_mm) * DVec2::X,
                         height_mm,
+                        pushed_mm: Default::default(),
                         dye: wale % self.dyes.len(),
                         ridge: Some(Ridge {
                             middle_mm: middle,

@@ -50,7 +50,7 @@ pub struct PileSpec {
     pub ruffle_deg: Option<f64>,
     /// Distance over which that lean changes, millimetres, 0.2 to 100; 3 without it.
     pub ruffle_mm: Option<f64>,
-    /// Whether loops push each other aside until they hardly overlap.
+    /// Whether loops, or the tufts of cut pile, push each other aside until they hardly overlap.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub collide: bool,
     /// Width of a cut tuft's tip over the room that it has, 0.05 to 4; 1.2 without it.

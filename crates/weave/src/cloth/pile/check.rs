@@ -88,7 +88,7 @@ pub(in crate::cloth) fn check(pile: &PileSpec) -> Result<(), Error> {
             "\"loop\"",
         ),
         ("sides", pile.sides.is_some(), &[Loop], "\"loop\""),
-        ("collide", pile.collide, &[Loop], "\"loop\""),
+        ("collide", pile.collide, &[Cut, Loop], "\"cut\" or \"loop\""),
         (
             "wales_per_cm",
             pile.wales_per_cm.is_some(),

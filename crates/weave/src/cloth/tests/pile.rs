@@ -84,7 +84,8 @@ fn cut_pile_has_its_height_density_and_lean() {
 
 #[test]
 fn pile_stays_inside_the_tile_and_is_the_same_every_time() {
-    for text in [CUT, LOOP, WALE] {
+    let pushed = format!("{CUT}\ncollide = true");
+    for text in [CUT, LOOP, WALE, &pushed] {
         let cloth = build(&with_pile(text, 6));
         let bounds = cloth.tile().bounds_mm;
         let again = build(&with_pile(text, 6));
@@ -218,6 +219,50 @@ fn loops_that_collide_hardly_overlap() {
     }
 }
 
+/// Tufts that collide give way above the ground, and keep their roots and heights. The twin, whose
+/// tufts do not collide, overlaps five times as much at least.
+#[test]
+fn tufts_that_collide_hardly_overlap() {
+    let leaning = "height_mm = 1.5\nlean_deviation_deg = 20\nkind = 'cut'\nyarn = 'rayon'";
+    for text in [
+        format!("{leaning}\nevery = [2, 2]"),
+        format!("{leaning}\ntufts_per_cm2 = 120\nsplay = 0.8"),
+        format!("{leaning}\nevery = [2, 2]\nlean_deg = 30\nruffle_deg = 15"),
+    ] {
+        let clothes =
+            ["", "\ncollide = true"].map(|key| build(&with_pile(&format!("{text}{key}"), 12)));
+        let [before, after] = clothes.each_ref().map(|cloth| {
+            let room = Room {
+                size_mm: cloth.tile().bounds_mm.size().truncate().as_dvec2(),
+                faces_mm: [f64::NEG_INFINITY, f64::INFINITY],
+            };
+            let lines: Vec<Line> = cloth.tufts().unwrap().lines().collect();
+            let (mean, _, count) = overlap(&lines, room);
+            mean * count as f64
+        });
+        assert!(
+            before > 10.0 && 5.0 * after < before,
+            "{text}: {before}, {after}"
+        );
+        let face_mm = clothes[0].pile.as_ref().unwrap().face_mm as f32;
+        let [plain, pushed] = clothes.map(|cloth| {
+            let mut starts = Vec::new();
+            for batch in cloth.threads.len()..cloth.batch_count() {
+                cloth.for_each_in_batch(batch, &mut |s| starts.push(s.start_mm));
+            }
+            starts
+        });
+        assert_eq!(plain.len(), pushed.len());
+        let mut moved = 0;
+        for (p, q) in plain.iter().zip(&pushed) {
+            assert_eq!(p.z, q.z, "{text}");
+            assert!(p.z > face_mm || p == q, "{text}: {p}, {q}");
+            moved += usize::from(p != q);
+        }
+        assert!(moved > 1000, "{moved}");
+    }
+}
+
 /// Neighbouring tufts lean alike, and over the tile their lean has the root mean square that was
 /// asked for. The twin, whose tufts deviate each on its own, has no likeness.
 #[test]
@@ -271,8 +316,8 @@ fn wrong_pile_is_refused_with_its_key() {
             "pile.sides: belongs to pile of kind \"loop\"",
         ),
         (
-            format!("{CUT}\ncollide = true"),
-            "pile.collide: belongs to pile of kind \"loop\"",
+            format!("{WALE}\ncollide = true"),
+            "pile.collide: belongs to pile of kind \"cut\" or \"loop\"",
         ),
         (
             format!("{CUT}\nruffle_mm = 2"),
@@ -306,6 +351,10 @@ fn wrong_pile_is_refused_with_its_key() {
         let error = Cloth::build(&with_pile(&text, 2), &no_files, 1).unwrap_err();
         assert!(error.to_string().contains(expected), "{error}");
     }
+    let dense = CUT.replace("every = [2, 2]", "tufts_per_cm2 = 1e5\ncollide = true");
+    let error = Cloth::build(&with_pile(&dense, 10), &no_files, 1).unwrap_err();
+    let expected = "pile.collide: expected at most 65536 tufts in one tile, found";
+    assert!(error.to_string().contains(expected), "{error}");
     let mut knit = with_pile(CUT, 1);
     knit.draft = DraftSpec {
         knit: Some("stockinette".to_owned()),
