@@ -127,6 +127,12 @@ impl FabricFile {
                 is_curves,
                 "draft.curves",
             ),
+            (
+                "draft.curves_collide",
+                draft.curves_collide,
+                is_curves,
+                "draft.curves",
+            ),
             ("warp.yarn", !warp.yarn.is_empty(), has_warp, crossed),
             ("warp.colours", !warp.colours.is_empty(), has_warp, crossed),
             ("warp.per_cm", warp.per_cm.is_some(), has_warp, crossed),

@@ -249,6 +249,7 @@ fn set_draft(document: &mut Document, fabric: usize, draft: &str) -> Outcome {
         "curve_unit_mm",
         "curve_tile_mm",
         "curves_are",
+        "curves_collide",
     ];
     for other in others.iter().filter(|other| **other != key) {
         table.remove(other);

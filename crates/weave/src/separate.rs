@@ -1,5 +1,5 @@
-//! Pushes curves apart in space until they touch at most: fibres of nonwovens, yarns of nets, loops
-//! of pile.
+//! Pushes curves apart in space until they touch at most: fibres of nonwovens, yarns of nets and of
+//! files, loops and tufts of pile.
 //!
 //! Curves are polylines in a room that repeats in x and y. Rounds of pushes between pieces that
 //! are too near alternate with smoothing of the displacements along each curve, so that a curve
@@ -206,6 +206,26 @@ impl Room {
     }
 }
 
+/// The number of pairs of pieces that lie in the same cells of a room, in either order: what
+/// pushing lines apart costs, in pairs of neighbours.
+pub(crate) fn crowding(lines: &[Line], room: Room) -> u64 {
+    let pieces = pieces_of(lines);
+    let cells = Cells::new(&pieces, reach_of(lines, &pieces, REACH), room);
+    let counts = cells.starts.windows(2).map(|w| u64::from(w[1] - w[0]));
+    counts.map(|n| n * n).sum()
+}
+
+/// The largest distance of the middles of pieces that are nearer than `reach` sums of their radii.
+fn reach_of(lines: &[Line], pieces: &[Piece], reach: f64) -> f64 {
+    let length = |p: &Piece| {
+        let [a, b] = lines[p.line as usize].ends(p.first as usize).0;
+        a.distance(b)
+    };
+    let longest = pieces.iter().map(length).fold(0.0, f64::max);
+    let thickest = lines.iter().map(|l| l.radius_mm).fold(0.0, f64::max);
+    longest + reach * 2.0 * thickest
+}
+
 fn pieces_of(lines: &[Line]) -> Vec<Piece> {
     let mut all = Vec::new();
     for (l, line) in lines.iter().enumerate() {
@@ -223,13 +243,7 @@ fn pieces_of(lines: &[Line]) -> Vec<Piece> {
 
 /// Pairs of pieces that are nearer than `reach` sums of their radii.
 fn pairs_of(lines: &[Line], pieces: &[Piece], room: Room, reach: f64) -> Vec<Pair> {
-    let length = |p: &Piece| {
-        let [a, b] = lines[p.line as usize].ends(p.first as usize).0;
-        a.distance(b)
-    };
-    let longest = pieces.iter().map(length).fold(0.0, f64::max);
-    let thickest = lines.iter().map(|l| l.radius_mm).fold(0.0, f64::max);
-    let farthest = longest + reach * 2.0 * thickest;
+    let farthest = reach_of(lines, pieces, reach);
     let cells = Cells::new(pieces, farthest, room);
     let half = 0.5 * room.size_mm;
     let mut pairs = Vec::new();

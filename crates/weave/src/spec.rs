@@ -134,6 +134,9 @@ pub struct DraftSpec {
     /// fibres themselves.
     #[serde(default)]
     pub curves_are: CurveKind,
+    /// Whether curves that are yarns push each other aside until they hardly overlap.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub curves_collide: bool,
 }
 
 /// What imported curves represent.

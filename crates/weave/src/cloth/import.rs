@@ -1,5 +1,7 @@
 //! Curves from files as yarns or fibres.
 
+mod collide;
+
 use super::spun::Spun;
 use super::yarns::{Materials, Yarns};
 use super::{Centreline, Cloth, ThreadAtRest};
@@ -35,6 +37,11 @@ pub(super) fn imported(
         let message = format!("expected lengths from 0.001 to 1e6 mm, found {sides:?}");
         return Err(Error::spec("draft.curve_tile_mm", message));
     }
+    let collide = fabric.draft.curves_collide;
+    if collide && fabric.draft.curves_are == CurveKind::Fibres {
+        let message = "belongs to curves that are \"yarns\" (draft.curves_are)";
+        return Err(Error::spec("draft.curves_collide", message));
+    }
     let mut yarns = Yarns::new(&fabric.yarn);
     let used = yarns.of_system("weft", &fabric.weft)?;
     let yarns = yarns.built;
@@ -44,13 +51,19 @@ pub(super) fn imported(
     } else {
         CurveSet::read_text(&String::from_utf8_lossy(&bytes), unit_mm as f32)
     };
-    let set = set.map_err(|e| match e {
+    let mut set = set.map_err(|e| match e {
         Error::Curves { place, message } => Error::Curves {
             place: format!("draft.curves: {name}: {place}"),
             message,
         },
         other => other,
     })?;
+    let tile_mm = fabric.draft.curve_tile_mm.map(DVec2::from_array);
+    if collide {
+        let of_curve = |i: usize| yarns[used[i % used.len()]].radius_mm();
+        let radii_mm: Vec<f64> = (0..set.curves.len()).map(of_curve).collect();
+        collide::push_apart(&mut set.curves, &radii_mm, tile_mm)?;
+    }
     let mut materials = Materials::default();
     let mut threads = Vec::with_capacity(set.curves.len());
     let mut bounds_mm = Aabb::EMPTY;
@@ -97,8 +110,7 @@ pub(super) fn imported(
         }
         threads.push(thread);
     }
-    if let Some(sides_mm) = fabric.draft.curve_tile_mm {
-        let sides_mm = DVec2::from_array(sides_mm).as_vec2();
+    if let Some(sides_mm) = tile_mm.map(|sides| sides.as_vec2()) {
         bounds_mm.min = Vec2::ZERO.extend(bounds_mm.min.z);
         bounds_mm.max = sides_mm.extend(bounds_mm.max.z);
     }
@@ -112,7 +124,7 @@ pub(super) fn imported(
         net: None,
         tile: Tile {
             bounds_mm,
-            repeats: fabric.draft.curve_tile_mm.is_some(),
+            repeats: tile_mm.is_some(),
         },
         seed: 0,
         print: None,

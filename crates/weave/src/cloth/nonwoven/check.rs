@@ -100,4 +100,5 @@ fn is_empty(d: &DraftSpec) -> bool {
         && d.curve_unit_mm.is_none()
         && d.curve_tile_mm.is_none()
         && d.curves_are == CurveKind::default()
+        && !d.curves_collide
 }

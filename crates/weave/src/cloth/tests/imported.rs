@@ -1,7 +1,9 @@
 //! Imported curves as cloth.
 
 use super::*;
-use glam::Vec2;
+use crate::separate::{Line, Room, overlap};
+use crate::spec::CurveKind;
+use glam::{DVec2, Vec2};
 
 #[test]
 fn imported_yarns_get_fibres_and_imported_fibres_stay_as_they_are() {
@@ -59,7 +61,7 @@ fn imported_yarns_get_fibres_and_imported_fibres_stay_as_they_are() {
     assert!(refusal.contains("draft.curve_tile_mm"), "{refusal}");
     f.draft.curve_tile_mm = None;
 
-    f.draft.curves_are = crate::spec::CurveKind::Fibres;
+    f.draft.curves_are = CurveKind::Fibres;
     let fibres = Cloth::build(&f, &load, 1).unwrap();
     let mut segments = Vec::new();
     (0..2).for_each(|b| fibres.for_each_in_batch(b, &mut |s| segments.push(*s)));
@@ -95,4 +97,127 @@ fn closed_imported_yarns_close() {
         assert!((path.lateral[i].dot(path.vertical[i])).abs() < 4.0 * f64::EPSILON);
         assert!((path.lateral[i].length() - 1.0).abs() < 4.0 * f64::EPSILON);
     }
+}
+
+/// The cloth of curves in a text, with what changes its draft.
+fn imported(text: &str, change: impl FnOnce(&mut DraftSpec)) -> Result<Cloth, Error> {
+    let mut f = fabric("plain");
+    f.draft = DraftSpec {
+        curves: Some("lines.txt".to_owned()),
+        ..DraftSpec::default()
+    };
+    change(&mut f.draft);
+    Cloth::build(&f, &|_| Ok(text.as_bytes().to_vec()), 1)
+}
+
+/// The yarns of a cloth as lines.
+fn lines(cloth: &Cloth) -> Vec<Line> {
+    let line = |thread: &ThreadAtRest| match &thread.line {
+        Centreline::Imported { points, .. } => Some(Line {
+            points: points.clone(),
+            radius_mm: cloth.yarns[thread.yarn].radius_mm(),
+            period: None,
+            held: Vec::new(),
+        }),
+        _ => None,
+    };
+    cloth.threads.iter().filter_map(line).collect()
+}
+
+fn depth(lines: &[Line], size_mm: DVec2) -> f64 {
+    let faces_mm = [f64::NEG_INFINITY, f64::INFINITY];
+    let (mean, _, count) = overlap(lines, Room { size_mm, faces_mm });
+    mean * count as f64
+}
+
+const LARGE: DVec2 = DVec2::splat(30.0);
+
+/// Yarns that cross bend around each other and are straight elsewhere, the later above where both
+/// lie at one height. The twin, whose yarns do not collide, overlaps.
+#[test]
+fn imported_yarns_that_collide_bend_around_each_other() {
+    for (angle_deg, z) in [(90.0f64, 0.1), (90.0, 0.0), (40.0, 0.05), (40.0, 0.0)] {
+        let end = 4.0 * DVec2::from_angle(angle_deg.to_radians());
+        let (x, y) = (end.x, end.y);
+        let text = format!("-4 0 0 1\n4 0 0 1\n\n{} {} {z} 1\n{x} {y} {z} 1\n", -x, -y);
+        let build = |collide| lines(&imported(&text, |d| d.curves_collide = collide).unwrap());
+        let [plain, pushed] = [false, true].map(build);
+        let [before, after] = [&plain, &pushed].map(|l| depth(l, LARGE));
+        assert!(
+            before > 0.4 && after < 1e-6,
+            "{angle_deg}, {z}: {before}, {after}"
+        );
+        let radius_mm = plain[0].radius_mm;
+        for p in &pushed[0].points {
+            let aside_mm = p.truncate().perp_dot(DVec2::X).hypot(p.z);
+            assert!(
+                aside_mm < 2.0 * radius_mm && (p.x.abs() < 10.0 * radius_mm || aside_mm < 1e-6),
+                "{angle_deg}, {z}: {p}"
+            );
+        }
+        let heights = |l: &Line| l.points.iter().map(|p| p.z).collect::<Vec<_>>();
+        let low = heights(&pushed[0]).into_iter().fold(0.0, f64::min);
+        let high = heights(&pushed[1]).into_iter().fold(0.0, f64::max);
+        assert!(low < -0.1 * radius_mm && high - z > 0.1 * radius_mm);
+        let again = build(true);
+        let same = pushed.iter().zip(&again).all(|(a, b)| a.points == b.points);
+        assert!(same, "{angle_deg}, {z}");
+    }
+}
+
+/// Yarns that cross at the edge of a tile give way alike on both sides, and go on in the next. The
+/// twin's room is too large for the copies to meet.
+#[test]
+fn imported_yarns_collide_with_the_copies_of_their_tile() {
+    let text = "0 1 0 1\n2 1 0 1\n4 1 0 1\n\n3.95 0 0.05 1\n3.95 1.5 0.05 1\n3.95 3 0.05 1\n\n\
+                -0.05 2.6 0.1 1\n1 2.2 0.1 1\n";
+    let build = |collide| {
+        let change = |d: &mut DraftSpec| {
+            d.curve_tile_mm = Some([4.0, 3.0]);
+            d.curves_collide = collide;
+        };
+        let mut lines = lines(&imported(text, change).unwrap());
+        for (line, period) in lines.iter_mut().zip([4.0 * DVec3::X, 3.0 * DVec3::Y]) {
+            let end = line.points.pop().unwrap();
+            assert!((end - line.points[0]).distance(period) < 1e-5, "{end}");
+            line.period = Some(period);
+        }
+        lines
+    };
+    let [plain, pushed] = [false, true].map(build);
+    let tile = DVec2::new(4.0, 3.0);
+    let [before, after] = [&plain, &pushed].map(|l| depth(l, tile));
+    assert!(before > 0.8 && after < 1e-6, "{before}, {after}");
+    let [before, large] = [depth(&plain, tile), depth(&plain, LARGE)];
+    assert!(large < before, "{large}, {before}");
+    let first = pushed[0].points[0];
+    assert!(first.z < -0.02, "{first}");
+}
+
+#[test]
+fn curves_that_cannot_collide_are_refused_with_their_key() {
+    let line = "0 0 0 1\n1 0 0 1\n";
+    let refused = |text: &str, change: fn(&mut DraftSpec), expected: &str| {
+        let both = |d: &mut DraftSpec| {
+            d.curves_collide = true;
+            change(d);
+        };
+        let error = imported(text, both).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    };
+    refused(
+        line,
+        |d| d.curves_are = CurveKind::Fibres,
+        "draft.curves_collide: belongs to curves that are \"yarns\"",
+    );
+    refused(
+        line,
+        |d| d.curve_unit_mm = Some(1e6),
+        "draft.curves_collide: expected at most 524288 pieces of yarn",
+    );
+    refused(
+        &format!("{line}\n").repeat(2000),
+        |d| d.curve_unit_mm = Some(1e-3),
+        "draft.curves_collide: too many yarns lie within one another",
+    );
 }
