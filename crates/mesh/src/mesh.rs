@@ -243,12 +243,79 @@ impl Mesh {
         self.divide(crossing, most_faces).map(|_| ())
     }
 
+    /// Divides faces along parallel lines of the fabric plane: where `place_at`, which is linear in
+    /// the place in mm, has one of the values `lines`, which are sorted.
+    ///
+    /// # Errors
+    /// More than `most_faces` would be needed.
+    pub fn cut_along(
+        &mut self,
+        place_at: impl Fn(Vec2) -> f32,
+        lines: &[f32],
+        most_faces: usize,
+    ) -> Result<(), Error> {
+        let crossing = |ends: [Vec2; 2]| {
+            let [a, b] = ends.map(&place_at);
+            let (low, high) = (a.min(b), a.max(b));
+            // Nearer to an end, the line passes through it.
+            let near = (CORNER * (high - low)).max(COARSE * low.abs().max(high.abs()));
+            let first = lines.partition_point(|line| *line <= low + near);
+            let end = lines.partition_point(|line| *line < high - near);
+            // Half of the others lie on either side, so that few rounds divide an edge at all.
+            (first < end).then(|| (lines[(first + end) / 2] - a) / (b - a))
+        };
+        while self.divide(crossing, most_faces)? {}
+        Ok(())
+    }
+
+    /// Tears the mesh into parts and moves each by itself: `part_at` numbers the part of a face by its
+    /// middle in the fabric plane, and `moved_mm_at` gives, for a part and a place in mm, how far a
+    /// point goes along weft, warp and normal. Normals turn with the faces. Parts may overlap.
+    pub fn tear(
+        &mut self,
+        part_at: impl Fn(Vec2) -> usize,
+        moved_mm_at: impl Fn(usize, Vec2) -> Vec3,
+    ) {
+        let mut own: HashMap<(usize, u32), u32> = HashMap::new();
+        let mut leans = Vec::new();
+        for (triangle, ids) in self.triangles.iter().zip(&mut self.corners) {
+            let part = part_at(middle_mm(triangle));
+            for id in ids {
+                let lean = self.leans.get(*id as usize).copied().unwrap_or_default();
+                let new = own.len() as u32;
+                *id = *own.entry((part, *id)).or_insert_with(|| {
+                    leans.push(lean);
+                    new
+                });
+            }
+        }
+        self.leans = leans;
+        let moved = self.means_at_corners(|face, vertex| {
+            let [weft, warp] = stretch(face)?;
+            let by_mm = moved_mm_at(part_at(middle_mm(face)), vertex.uv_mm);
+            Some(by_mm.x * weft + by_mm.y * warp + by_mm.z * vertex.normal)
+        });
+        for (triangle, ids) in self.triangles.iter_mut().zip(&self.corners) {
+            for (vertex, &id) in triangle.iter_mut().zip(ids) {
+                vertex.position_mm += moved[id as usize];
+            }
+        }
+        let turned = self.means_at_corners(|face, vertex| {
+            let up = area_vector(face);
+            Some(up * up.dot(vertex.normal).signum())
+        });
+        for (triangle, ids) in self.triangles.iter_mut().zip(&self.corners) {
+            for (vertex, &id) in triangle.iter_mut().zip(ids) {
+                vertex.normal = turned[id as usize].normalize_or(vertex.normal);
+            }
+        }
+    }
+
     /// The faces whose middle in the fabric plane is inside, as a mesh of their own; what is left is
     /// this one. Either may have no face.
     pub fn take(&mut self, is_inside: impl Fn(Vec2) -> bool) -> Mesh {
-        let middle = |t: &[Vertex; 3]| t.iter().map(|v| v.uv_mm).sum::<Vec2>() / 3.0;
         let all = self.triangles.drain(..).zip(self.corners.drain(..));
-        let (taken, left): (Vec<_>, Vec<_>) = all.partition(|(t, _)| is_inside(middle(t)));
+        let (taken, left): (Vec<_>, Vec<_>) = all.partition(|(t, _)| is_inside(middle_mm(t)));
         (self.triangles, self.corners) = left.into_iter().unzip();
         let (triangles, corners) = taken.into_iter().unzip();
         Mesh {
@@ -314,6 +381,13 @@ impl Mesh {
             }
         }
         (self.triangles, self.corners) = (triangles, corners);
+        if !self.leans.is_empty() {
+            self.leans.resize(points as usize, Vec3::ZERO);
+            for (&(a, b), &(new, share)) in &middles {
+                let [a, b] = [a, b].map(|end| self.leans[end as usize]);
+                self.leans[new as usize] = a.lerp(b, share);
+            }
+        }
         Ok(true)
     }
 
@@ -344,6 +418,11 @@ const EDGES: [(usize, usize); 3] = [(0, 1), (1, 2), (2, 0)];
 /// The ends of an edge, the same for both faces that share it.
 fn in_order(ids: &[u32; 3], (a, b): (usize, usize)) -> [usize; 2] {
     if ids[a] <= ids[b] { [a, b] } else { [b, a] }
+}
+
+/// The middle of a face in the fabric plane.
+fn middle_mm(t: &[Vertex; 3]) -> Vec2 {
+    t.iter().map(|v| v.uv_mm).sum::<Vec2>() / 3.0
 }
 
 /// The corner at a share of the way from one to another.

@@ -571,6 +571,41 @@ fn flattened_cloth_keeps_its_middle() {
     assert!((place_mm(&mesh, 0.1).z - (1.0 + 0.35 / 0.375)).abs() < 1e-5);
 }
 
+/// Strips of a mesh that are torn apart move by themselves, without a fold, and lean as they did.
+#[test]
+fn strips_that_are_torn_apart_move_alone() {
+    let mut mesh = read_obj(OBJ.as_bytes(), PLACEMENT, &mut budget()).unwrap();
+    mesh.press(2.0, |_| 0.5);
+    mesh.flatten(|_| 0.5);
+    let whole = [-0.25, 0.1].map(|z| place_mm(&mesh, z));
+    let lines = [5.0, 10.0, 15.0, 20.0];
+    mesh.cut_along(|at| at.x, &lines, 1 << 10).unwrap();
+    mesh.refine(|_| 4.0, 1 << 12).unwrap();
+    for (z, whole) in [-0.25, 0.1].into_iter().zip(whole) {
+        assert!((place_mm(&mesh, z) - whole).length() < 1e-5);
+    }
+    let mut mesh = read_obj(OBJ.as_bytes(), PLACEMENT, &mut budget()).unwrap();
+    mesh.cut_along(|at| at.x, &lines, 1 << 10).unwrap();
+    let strip = |at: Vec2| lines.partition_point(|line| *line < at.x);
+    let up_mm = |part: usize| 2.0 * part as f32;
+    mesh.tear(strip, |part, _| Vec3::new(0.0, 0.0, up_mm(part)));
+    let shell = Shell::new(&mesh, -0.1, 0.1).unwrap();
+    assert_eq!(shell.folds(), Folds::default());
+    // Beside and between lines; 25 mm of cloth lie on 10 mm.
+    for (x, part) in [(1.0, 0), (6.0, 1), (9.9, 1), (10.1, 2), (24.0, 4)] {
+        let from = (0.4 * Vec2::new(x, 9.0)).extend(50.0).as_dvec3();
+        let mut first = f64::INFINITY;
+        shell.visit_spans((from, DVec3::NEG_Z), f64::INFINITY, |span| {
+            first = first.min(span.t0);
+            f64::INFINITY
+        });
+        let height = 50.0 - first as f32;
+        assert!((height - 0.1 - up_mm(part)).abs() < 1e-3, "{x}: {height}");
+    }
+    let refused = mesh.cut_along(|at| at.y, &lines, 8).unwrap_err();
+    assert!(matches!(refused, Error::TooLarge { .. }));
+}
+
 /// A hole opens where points go aside: rays pass it, no cloth folds over, and beside it lies the cloth
 /// that lay in it.
 #[test]

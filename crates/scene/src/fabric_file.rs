@@ -204,8 +204,7 @@ fn build(
         }
     };
     if let Some(spec) = &file.print {
-        let fail = |e: InputError| e.at_key("print.image").in_file(path);
-        let image = print_file::decode(&spec.image, open).map_err(fail)?;
+        let image = print_file::image(spec, open).map_err(|e| e.in_file(path))?;
         cloth.print(spec, &image).map_err(failed)?;
     }
     if let Some(spec) = &file.wear {

@@ -2,6 +2,7 @@
 
 use crate::build_options::BuildOptions;
 use crate::cloth_place::ClothPlace;
+use crate::curl::{Curled, curl};
 use crate::error::{InputError, Result};
 use crate::fabric_file::Fabric;
 use crate::level::Levels;
@@ -24,6 +25,9 @@ pub struct Fringe {
     pub to_mm: [f32; 2],
     /// The threads that are left.
     pub keep: ThreadSystem,
+    /// How far their free ends curl aside, about, mm: 0 to 10.
+    #[serde(default)]
+    pub curl_mm: f32,
 }
 
 impl Fringe {
@@ -33,6 +37,10 @@ impl Fringe {
     /// `.key: what was expected`.
     pub fn check(&self) -> Result<(), String> {
         check_places(self.from_mm, self.to_mm)?;
+        if !(0.0..=10.0).contains(&self.curl_mm) {
+            let found = self.curl_mm;
+            return Err(format!(".curl_mm: expected 0 to 10, found {found}"));
+        }
         match Vec2::from(self.from_mm).cmpeq(self.to_mm.into()).any() {
             true => Err(".to_mm: expected the corner across of a rectangle".into()),
             false => Ok(()),
@@ -74,36 +82,48 @@ pub fn cut(
 }
 
 /// Takes the faces of fringes from a mesh that was [cut] and then refined: those with each system of
-/// threads. Where fringes of both systems overlap no thread is left.
+/// threads, which curl. Where fringes of both systems overlap no thread is left.
 ///
 /// # Errors
-/// `: why`.
+/// `: why`; more than `most_faces` would be needed.
 pub fn take(
     fringes: &[Fringe],
-    cloth: &Cloth,
+    fabric: &Fabric,
     mesh: &mut Mesh,
+    most_faces: usize,
 ) -> Result<Vec<(ThreadSystem, Mesh)>, String> {
     let both = [ThreadSystem::Warp, ThreadSystem::Weft];
     let [warp, weft] = both.map(|keep| {
-        let own = fringes.iter().filter(|fringe| fringe.keep == keep);
-        own.map(|f| f.between_threads_mm(cloth)).collect::<Vec<_>>()
+        let own = fringes.iter().enumerate().filter(|(_, f)| f.keep == keep);
+        let curled = own.map(|(index, fringe)| Curled {
+            corners_mm: fringe.between_threads_mm(&fabric.cloth),
+            curl_mm: fringe.curl_mm,
+            index,
+        });
+        curled.collect::<Vec<_>>()
     });
-    let is_inside = |own: &[[Vec2; 2]], at: Vec2| {
-        let mut own = own.iter();
-        own.any(|[low, high]| at.cmpge(*low).all() && at.cmple(*high).all())
-    };
+    let is_inside = |own: &[Curled], at: Vec2| own.iter().any(|curled| curled.holds(at));
     mesh.take(|at| is_inside(&warp, at) && is_inside(&weft, at));
     let mut taken = Vec::new();
-    for (keep, own) in both.into_iter().zip([warp, weft]) {
+    for (keep, own) in both.into_iter().zip([&warp, &weft]) {
         if !own.is_empty() {
-            taken.push((keep, mesh.take(|at| is_inside(&own, at))));
+            taken.push((keep, mesh.take(|at| is_inside(own, at))));
         }
     }
     let is_empty = |part: &Mesh| part.triangles().is_empty();
-    match is_empty(mesh) || taken.iter().any(|part| is_empty(&part.1)) {
-        true => Err(": expected parts of the mesh, found none or all of it".into()),
-        false => Ok(taken),
+    if is_empty(mesh) || taken.iter().any(|part| is_empty(&part.1)) {
+        return Err(": expected parts of the mesh, found none or all of it".into());
     }
+    let left = most_faces.saturating_sub(mesh.triangles().len());
+    for (keep, part) in &mut taken {
+        let own = match keep {
+            ThreadSystem::Warp => &warp,
+            ThreadSystem::Weft => &weft,
+        };
+        curl(own, *keep, fabric, mesh, part, left)
+            .map_err(|e| format!(": with a strip for each thread that curls: {e}"))?;
+    }
+    Ok(taken)
 }
 
 /// The threads that are left in fringes, on their meshes, beside a cloth at `place`.

@@ -13,6 +13,7 @@ pub mod camera;
 pub mod cloth_place;
 pub mod crease;
 pub mod crush;
+mod curl;
 pub mod draft_folder;
 mod draft_picture;
 pub mod drape;

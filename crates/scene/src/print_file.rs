@@ -1,18 +1,33 @@
-//! The picture that a fabric file prints on its cloth.
+//! The picture or colour that a fabric file prints on its cloth.
 
 use crate::error::{InputError, Result};
 use crate::memory::free_memory_bytes;
 use crate::optics::{OpticsFile, OpticsList};
-use organza_weave::PrintImage;
+use organza_weave::{PrintImage, PrintSpec};
 
-/// Reads the picture of `[print]` in linear colours.
+/// What `[print]` prints: its picture, or one pixel of its colour.
+///
+/// # Errors
+/// Names the key at fault.
+pub(crate) fn image(
+    spec: &PrintSpec,
+    open: &dyn Fn(&str) -> std::io::Result<Vec<u8>>,
+) -> Result<PrintImage> {
+    match (&spec.image, spec.colour) {
+        (Some(name), None) => decode(name, open).map_err(|e| e.at_key("print.image")),
+        (None, Some(colour)) => Ok(PrintImage {
+            size: [1, 1],
+            pixels: vec![colour],
+        }),
+        _ => Err(InputError::new("expected exactly one of image, colour").at_key("print")),
+    }
+}
+
+/// Reads a picture in linear colours.
 ///
 /// # Errors
 /// Names the picture and what is wrong with it.
-pub(crate) fn decode(
-    name: &str,
-    open: &dyn Fn(&str) -> std::io::Result<Vec<u8>>,
-) -> Result<PrintImage> {
+fn decode(name: &str, open: &dyn Fn(&str) -> std::io::Result<Vec<u8>>) -> Result<PrintImage> {
     let bytes = open(name).map_err(|e| InputError::of_io(name, &e))?;
     let decoded = organza_picture::decode(&bytes, free_memory_bytes());
     let (picture, _) = decoded.map_err(|e| InputError::of_file(name, e))?;
@@ -117,6 +132,15 @@ mod tests {
             said.contains("rose.toml: print.size_mm: expected a width"),
             "{said}"
         );
+        let dyed = FABRIC.replace("image = 'roses.exr'", "colour = [0.1, 0.2, 0.6]");
+        let read = from_sources(path, &[source("rose.toml", dyed.as_bytes())]).unwrap();
+        assert_eq!(read.cloth.materials().len(), 2);
+        for keys in ["", "colour = [0.1, 0.2, 0.6]\nimage = 'roses.exr'"] {
+            let wrong = FABRIC.replace("image = 'roses.exr'", keys);
+            let said = refused(&[source("rose.toml", wrong.as_bytes())]);
+            let expected = "rose.toml: print: expected exactly one of image, colour";
+            assert!(said.contains(expected), "{said}");
+        }
         let wrong = FABRIC.replace("image =", "side = 'up'\nimage =");
         let said = refused(&[source("rose.toml", wrong.as_bytes())]);
         assert!(said.contains("face"), "{said}");

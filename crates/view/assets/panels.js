@@ -67,7 +67,7 @@ function print(document, i, figures) {
   const table = document.fabrics[i].table.print;
   const set = (key) => fabric(i, "print", key);
   return [
-    fields.choice("Print", table?.image ?? "", [["", "none"], ...document.pictures], (image) => change([{ op: "print", fabric: i, image }])),
+    fields.choice("Print", table?.image ?? table?.colour?.join() ?? "", [["", "none"], ...(table?.colour ? [[table.colour.join(), "one colour"]] : []), ...document.pictures], (image) => change([{ op: "print", fabric: i, image }])),
     ...(table ? [
       fields.choice("Print size", table.size_mm ? "own" : "tile", [["tile", "the tile"], ["own", "in mm"]], (how) => set("size_mm")(how === "tile" ? null : figures?.tile_mm?.slice(0, 2) ?? [10, 10])),
       table.size_mm ? fields.vector("Print measures", table.size_mm, "mm", set("size_mm")) : null,

@@ -97,6 +97,13 @@ pub(crate) fn set_print(
     }
     let image = draft_folder::picture_named_from(&fabric.path, folder, image)?;
     let why = |why: String| InputError::new(why).at_key("print.image");
+    if let Some(print) = fabric
+        .text
+        .get_mut("print")
+        .and_then(Item::as_table_like_mut)
+    {
+        print.remove("colour");
+    }
     set(
         fabric.text.as_table_mut(),
         &["print", "image"],

@@ -22,6 +22,7 @@ mod print;
 mod ranges;
 mod recolour;
 mod repeats;
+mod shear;
 mod spacing;
 mod spun;
 mod unravelled;

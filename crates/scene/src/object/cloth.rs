@@ -453,7 +453,7 @@ fn media(
                 HandPath::tangent_after(&paths, at_mm, crushed.unwrap_or_default())
             });
         }
-        fringes = fringe::take(&table.fringe, &fabric.cloth, mesh)
+        fringes = fringe::take(&table.fringe, &fabric, mesh, most_faces)
             .map_err(|why| fail(format!("fringe{why}")))?;
     }
     let laid = (mesh, fringes);

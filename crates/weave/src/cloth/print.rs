@@ -1,4 +1,4 @@
-//! Patterns printed on a cloth: an image that dyes the fibres near its faces.
+//! Patterns printed on a cloth, and dye of the whole piece: colours of the fibres near its faces.
 
 use super::Cloth;
 use super::heights::Heights;
@@ -17,12 +17,14 @@ const MAX_STRETCH: f64 = 0.01;
 /// Share of the cloth's thickness that ink enters where no depth is given (estimated).
 const DEPTH: f32 = 1.0 / 3.0;
 
-/// `[print]`: an image on the cloth.
+/// `[print]`: an image on the cloth, or one colour.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct PrintSpec {
     /// Picture file, beside the fabric's.
-    pub image: String,
+    pub image: Option<String>,
+    /// In place of an image: one colour everywhere, as of a dye bath, linear, 0 to 1.
+    pub colour: Option<Rgb>,
     /// Width and height of one copy; those of the tile if none. The tile must hold a whole
     /// number of copies.
     pub size_mm: Option<[f64; 2]>,
@@ -100,14 +102,18 @@ pub(super) struct Print {
 }
 
 impl Cloth {
-    /// Prints an image on the cloth: from now on its segments have the materials of the print.
+    /// Prints an image on the cloth, which is one pixel where `spec` gives a colour instead: from now
+    /// on its segments have the materials of the print.
     ///
     /// # Errors
     /// The key of `[print]` at fault.
     pub fn print(&mut self, spec: &PrintSpec, image: &PrintImage) -> Result<(), Error> {
-        let copy_mm = copy_size(spec, self.tile)?;
         check(spec, image)?;
-        let palette = palette(&image.pixels, spec.colours as usize);
+        let copy_mm = copy_size(spec, self.tile)?;
+        let palette = match spec.colour {
+            Some(colour) => vec![colour],
+            None => palette(&image.pixels, spec.colours as usize),
+        };
         let plain = self.materials.len();
         if plain * (1 + palette.len()) > MAX_MATERIALS {
             let message = format!(
@@ -150,6 +156,15 @@ impl Cloth {
 
 fn check(spec: &PrintSpec, image: &PrintImage) -> Result<(), Error> {
     let fail = |key: &str, message: String| Err(Error::spec(format!("print.{key}"), message));
+    if let Some(colour) = spec.colour {
+        let channels = colour.0.to_array();
+        if let Some(c) = channels.iter().find(|c| !(0.0..=1.0).contains(*c)) {
+            return fail("colour", format!("expected numbers from 0 to 1, found {c}"));
+        }
+        if spec.size_mm.is_some() {
+            return fail("size_mm", "only applies to an image".to_owned());
+        }
+    }
     let [width, height] = image.size;
     let edges = 1..=MAX_EDGE;
     if !edges.contains(&width) || !edges.contains(&height) {
@@ -227,7 +242,11 @@ fn copy_size(spec: &PrintSpec, tile: Tile) -> Result<Vec2, Error> {
 impl Print {
     /// Gives a segment the materials of the print, in as many parts as it has colours.
     pub fn dye(&self, segment: &Segment, emit: &mut dyn FnMut(&Segment)) {
-        let pixel = self.copy_mm.x / self.size[0] as f32;
+        // One colour changes with depth alone.
+        let pixel = match self.spec.colour {
+            Some(_) => 0.0,
+            None => self.copy_mm.x / self.size[0] as f32,
+        };
         let part = pixel.max(2.0 * segment.start_radius_mm.max(segment.end_radius_mm));
         recoloured(
             segment,

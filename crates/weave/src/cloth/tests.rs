@@ -16,6 +16,7 @@ mod pile;
 mod pilled;
 mod printed;
 mod reading;
+mod sheared;
 mod shipped;
 mod smooth_hairs;
 mod spun;

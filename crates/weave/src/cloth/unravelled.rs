@@ -33,6 +33,38 @@ impl Cloth {
     /// The middle between two neighbouring threads of a system that is nearest to a place across
     /// them, mm; the place itself where there are no such threads.
     pub fn gap_near_mm(&self, system: ThreadSystem, at_mm: f64) -> f64 {
+        let (gaps, period_mm) = self.gaps_mm(system);
+        let gaps = gaps
+            .iter()
+            .map(|gap| gap + ((at_mm - gap) / period_mm).round() * period_mm);
+        let nearer = |a: &f64, b: &f64| (a - at_mm).abs().total_cmp(&(b - at_mm).abs());
+        gaps.min_by(nearer).unwrap_or(at_mm)
+    }
+
+    /// The middles between neighbouring threads of a system from one place across them to another,
+    /// mm, in order, at most `most` of them.
+    pub fn gaps_between_mm(
+        &self,
+        system: ThreadSystem,
+        [from_mm, to_mm]: [f64; 2],
+        most: usize,
+    ) -> Vec<f64> {
+        let (gaps, period_mm) = self.gaps_mm(system);
+        let Some(first) = gaps.first() else {
+            return Vec::new();
+        };
+        let tile = ((from_mm - first) / period_mm).floor() - 1.0;
+        let all = (0i32..).flat_map(|k| {
+            let shift_mm = (tile + f64::from(k)) * period_mm;
+            gaps.iter().map(move |gap| gap + shift_mm)
+        });
+        let inside = all.skip_while(|gap| *gap < from_mm);
+        inside.take_while(|gap| *gap <= to_mm).take(most).collect()
+    }
+
+    /// The middles between neighbouring threads of a system in a tile, in order, and the size of the
+    /// tile across them, mm.
+    fn gaps_mm(&self, system: ThreadSystem) -> (Vec<f64>, f64) {
         let period = self.tile.period_mm().as_dvec2();
         let period_mm = match system {
             ThreadSystem::Warp => period.x,
@@ -40,16 +72,9 @@ impl Cloth {
         };
         let mut places: Vec<f64> = self.places_mm(system).map(|p| p.1).collect();
         places.sort_by(f64::total_cmp);
-        let Some(first) = places.first().copied() else {
-            return at_mm;
-        };
-        places.push(first + period_mm);
-        let gaps = places.windows(2).map(|pair| {
-            let gap = 0.5 * (pair[0] + pair[1]);
-            gap + ((at_mm - gap) / period_mm).round() * period_mm
-        });
-        let nearer = |a: &f64, b: &f64| (a - at_mm).abs().total_cmp(&(b - at_mm).abs());
-        gaps.min_by(nearer).unwrap_or(at_mm)
+        places.extend(places.first().map(|first| first + period_mm));
+        let gaps = places.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
+        (gaps.collect(), period_mm)
     }
 
     /// The threads of a system: batch, and place across the threads, mm.

@@ -16,7 +16,8 @@ fn image() -> PrintImage {
 
 fn spec() -> PrintSpec {
     PrintSpec {
-        image: "any.png".into(),
+        image: Some("any.png".into()),
+        colour: None,
         size_mm: None,
         side: PrintSide::Face,
         depth_um: None,
@@ -173,6 +174,72 @@ fn dye_multiplies_and_cloth_without_print_is_the_same() {
         all
     };
     assert!(segments(&sheer).len() >= segments(&plain()).len());
+}
+
+/// Dye of the whole piece reaches down to its depth from both faces; the core, and threads where
+/// others press on them, keep their colour.
+#[test]
+fn piece_dye_does_not_reach_the_core() {
+    let dyed = |depth_um: f64| {
+        let spec = PrintSpec {
+            image: None,
+            colour: Some(RED),
+            side: PrintSide::Both,
+            depth_um: Some(depth_um),
+            ..spec()
+        };
+        let mut cloth = plain();
+        let pixel = PrintImage {
+            size: [1, 1],
+            pixels: vec![RED],
+        };
+        cloth.print(&spec, &pixel).unwrap();
+        cloth
+    };
+    // Length of fibre that is dyed and all of it, in three layers of the same height.
+    let layers = |cloth: &Cloth| {
+        let bounds = cloth.tile().bounds_mm;
+        let mut sums = [[0.0f32; 2]; 3];
+        for batch in 0..cloth.batch_count() {
+            cloth.for_each_in_batch(batch, &mut |s| {
+                let z = 0.5 * (s.start_mm.z + s.end_mm.z);
+                let layer = (3.0 * (z - bounds.min.z) / bounds.size().z) as usize;
+                let sums = &mut sums[layer.min(2)];
+                let is_dyed = cloth.materials()[usize::from(s.material)].colour == Some(RED);
+                sums[0] += if is_dyed { s.length_mm() } else { 0.0 };
+                sums[1] += s.length_mm();
+            });
+        }
+        sums.map(|[dyed, all]| dyed / all)
+    };
+    let [low, core, high] = layers(&dyed(60.0));
+    assert!(low > 0.7 && high > 0.7, "{low} {core} {high}");
+    assert!(core < 0.8 * low.min(high), "{low} {core} {high}");
+    // The twin: deeper dye leaves nothing.
+    assert!(layers(&dyed(1e5)).iter().all(|share| *share > 0.99));
+    let refused = |spec: PrintSpec| {
+        let pixel = PrintImage {
+            size: [1, 1],
+            pixels: vec![RED],
+        };
+        plain().print(&spec, &pixel).unwrap_err().to_string()
+    };
+    let one = PrintSpec {
+        image: None,
+        colour: Some(Rgb::new(0.0, 1.5, 0.0)),
+        ..spec()
+    };
+    let said = refused(one.clone());
+    assert_eq!(
+        said,
+        "print.colour: expected numbers from 0 to 1, found 1.5"
+    );
+    let said = refused(PrintSpec {
+        colour: Some(RED),
+        size_mm: Some([1.0, 1.0]),
+        ..one
+    });
+    assert_eq!(said, "print.size_mm: only applies to an image");
 }
 
 #[test]
