@@ -3,7 +3,7 @@
 //! Every level is a regular grid of cells, twice as coarse as the level below. It is stored as
 //! a dense table of bricks of 4 x 4 x 4 cells; only occupied bricks take memory. Looking up a
 //! point takes three dependent loads (table, brick, population) at any level, without a descent
-//! from a root. `benches/volume` compares this layout with others.
+//! from a root. `benches/volume` times look-ups.
 //!
 //! # What is stored, and what rounding costs
 //! A population takes 12 bytes, a brick 40, the table 4 for each brick of the

@@ -1,17 +1,8 @@
-//! The voxelizer's rate, point look-ups by layout, files.
-//!
-//! `layout/*` compares how voxels can be found from a random point: the
-//! octree's own table of 4 x 4 x 4 bricks against a walk from the root, a hash
-//! of bricks, larger bricks, and one index for every voxel of the box. The
-//! rivals hold the same 12-byte populations and answer the same question (the
-//! broadside extinction there); bytes per occupied voxel are printed.
+//! The voxelizer's rate, look-ups of voxels at random points, files.
 #![allow(clippy::print_stdout)] // prints sizes beside the timings
 
-mod layouts;
-
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use glam::Vec3;
-use layouts::layouts;
+use glam::{UVec3, Vec3};
 use organza_basis::curve::SegmentList;
 use organza_basis::{Aabb, Budget, Mixture, PathRng, Segment, SegmentSource, Tile, unwatched};
 use organza_scatter::{FlakeMaterials, FlakeOptics};
@@ -112,14 +103,31 @@ fn voxelizer(c: &mut Criterion) {
     group.finish();
 }
 
-fn tree_for_look_ups() -> Octree {
+fn look_ups(c: &mut Criterion) {
     let tree = tile(8);
     let bytes = tree.memory_bytes() as f64 / tree.occupied_voxels() as f64;
     println!(
         "octree, {} levels: {bytes:.1} bytes per occupied finest voxel",
         tree.level_count()
     );
-    tree
+    let dims = tree.dims(0);
+    let mut rng = PathRng::from_seed(2);
+    let points: Vec<UVec3> = (0..1 << 16)
+        .map(|_| UVec3::new(rng.below(dims.x), rng.below(dims.y), rng.below(dims.z)))
+        .collect();
+    let mut group = c.benchmark_group("look-up");
+    group.throughput(Throughput::Elements(points.len() as u64));
+    let mut of = |name: &str, value: &dyn Fn(UVec3) -> f32| {
+        group.bench_function(name, |b| {
+            b.iter(|| points.iter().map(|p| value(*p)).sum::<f32>());
+        });
+    };
+    of("broadside extinction", &|p| tree.broadside_per_mm(0, p));
+    of("whole mixture", &|p| tree.mixture(0, p).broadside_per_mm());
+    of("majorant of a 4^3 region", &|p| {
+        tree.majorant_per_mm(2, p >> 2u32)
+    });
+    group.finish();
 }
 
 fn files(c: &mut Criterion) {
@@ -165,5 +173,5 @@ fn files(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, voxelizer, layouts, files);
+criterion_group!(benches, voxelizer, look_ups, files);
 criterion_main!(benches);
