@@ -165,9 +165,6 @@ impl Cache {
 
     /// All entries, those used last first; none if the folder does not exist. Temporary files
     /// that nobody writes are removed.
-    ///
-    /// # Errors
-    /// The folder cannot be read.
     pub fn entries(&self) -> io::Result<Vec<Entry>> {
         let mut entries = Vec::new();
         temporary::remove_left_over(&self.folder, TEMPORARY);
@@ -183,9 +180,6 @@ impl Cache {
     }
 
     /// Removes the entries that were not used since a time.
-    ///
-    /// # Errors
-    /// The folder cannot be read.
     pub fn remove_older(&self, since: SystemTime) -> io::Result<Removed> {
         let entries = self.entries()?;
         Ok(remove(entries.iter().filter(|entry| entry.used < since)))
@@ -193,9 +187,6 @@ impl Cache {
 
     /// Removes entries until those left take at most `bytes`, those first that were not used
     /// for the longest time.
-    ///
-    /// # Errors
-    /// The folder cannot be read.
     pub fn remove_above(&self, bytes: u64) -> io::Result<Removed> {
         let _lock = self.lock();
         self.shrink(bytes, None)

@@ -250,7 +250,6 @@ impl Functions {
     }
 }
 
-/// A device.
 struct Device<'a> {
     functions: &'a Functions,
     handle: Handle,

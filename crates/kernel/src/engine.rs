@@ -66,9 +66,6 @@ pub trait Engine: Send + Sync {
 
     /// Learns a cache of radiance for the samples that follow, unless it is learned; `None`
     /// of an engine or a scene without one.
-    ///
-    /// # Errors
-    /// `watch` broke.
     fn learn(
         &self,
         _plan: &CachePlan,
@@ -125,9 +122,6 @@ pub struct EngineRecord {
 impl EngineRecord {
     /// Refuses an engine that this computer does not have, before anything is laid out
     /// for it.
-    ///
-    /// # Errors
-    /// [`Refusal::Unavailable`].
     pub fn check(&self) -> Result<(), Refusal> {
         if (self.is_available)() {
             return Ok(());

@@ -30,24 +30,12 @@ pub struct ImageEnvironment {
 
 /// A picture or directions that make no environment.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // the messages say what is wrong
 pub enum ImageEnvironmentError {
-    /// Pixels do not fill the picture.
     #[error("{size} pixels expected, {count} given")]
-    Size {
-        /// Columns and rows.
-        size: UVec2,
-        /// How many there are.
-        count: usize,
-    },
-    /// No number.
+    Size { size: UVec2, count: usize },
     #[error("pixel ({x}, {y}) is {value:?}; expected finite numbers of at least 0", x = .at.x, y = .at.y)]
-    Pixel {
-        /// Column and row.
-        at: UVec2,
-        /// What is there.
-        value: Rgb,
-    },
-    /// No frame.
+    Pixel { at: UVec2, value: Rgb },
     #[error("up and centre must be finite and not parallel")]
     Frame,
 }

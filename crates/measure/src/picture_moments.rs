@@ -160,7 +160,6 @@ impl Sums {
     }
 }
 
-/// Sums of each block.
 #[derive(Clone, Debug, Default)]
 struct Blocks([Sums; BLOCKS * BLOCKS]);
 

@@ -82,7 +82,6 @@ impl Sum {
     }
 }
 
-/// The middles of the crossings of a photograph.
 struct Middles {
     first: [i64; 2],
     count: [usize; 2],

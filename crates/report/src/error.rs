@@ -41,7 +41,6 @@ pub enum ReportError {
 }
 
 impl ReportError {
-    /// A file is wrong.
     pub(crate) fn of_file(path: impl AsRef<Path>, message: impl Display) -> ReportError {
         ReportError::Input(InputError::of_file(path, message))
     }

@@ -2,7 +2,6 @@
 
 use super::{Baked, PATCH_MM, number, ratio};
 
-/// One texture of the material.
 struct Texture {
     name: &'static str,
     file: &'static str,
@@ -95,7 +94,6 @@ fn textures(baked: &Baked<'_>) -> [Texture; 5] {
     ]
 }
 
-/// An output of a shader of the material of this path.
 fn connection(path: &str, shader: &str, output: &str) -> String {
     format!("<{path}/{shader}.outputs:{output}>")
 }

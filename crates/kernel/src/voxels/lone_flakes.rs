@@ -18,7 +18,6 @@ pub struct LoneFlakes<F: Floats> {
     mask: F::Mask,
 }
 
-/// The flakes of one lane.
 #[derive(Clone, Copy)]
 struct Met {
     population: FlakePopulation,

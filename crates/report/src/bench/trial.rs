@@ -35,7 +35,6 @@ pub(super) enum Outcome {
     Refused(String),
 }
 
-/// What to render.
 pub(super) struct Trial {
     /// Base name of its files.
     pub name: String,
@@ -61,9 +60,6 @@ pub struct Program {
 
 impl Program {
     /// The program that runs.
-    ///
-    /// # Errors
-    /// When it cannot find its own file.
     pub fn this() -> Result<Program, ReportError> {
         let path = std::env::current_exe().map_err(unreadable)?;
         let code = path.clone();
@@ -121,10 +117,6 @@ impl<'a> Laboratory<'a> {
         })
     }
 
-    /// Writes a file of the bench.
-    ///
-    /// # Errors
-    /// Names the file.
     pub(super) fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
         (self.write_file)(path, bytes).map_err(ReportError::Write)
     }

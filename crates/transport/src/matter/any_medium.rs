@@ -32,7 +32,6 @@ pub enum AnyMedium {
 }
 
 impl AnyMedium {
-    /// What a ray meets.
     pub(crate) fn target(&self) -> &dyn RayTarget {
         match self {
             AnyMedium::Grid(m) => m,

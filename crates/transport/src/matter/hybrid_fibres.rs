@@ -44,7 +44,6 @@ impl HybridFibres {
         })
     }
 
-    /// The packed fibres.
     pub(crate) fn packed(&self) -> &VirtualFibreMedium {
         &self.packed
     }

@@ -77,7 +77,6 @@ impl LevelledCloth {
         })
     }
 
-    /// The number of representations.
     pub(crate) fn representation_count(&self) -> usize {
         self.steps.count()
     }
