@@ -15,6 +15,7 @@ use crate::kills::write_ct;
 use crate::program::{contents, folder, succeed};
 pub use disk::library;
 use disk::{Fault, run};
+use organza_testing::table_rows;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -254,20 +255,41 @@ fn a_program_that_writes_in_place_is_found() {
     );
 }
 
+/// A command, what an earlier run has and the one on the failing disk has not, and the one of
+/// several outputs that stands for all.
+const COMMANDS: &str = "
+render scene.toml -o out.exr --quiet --set camera.resolution=[24,16] | --spp 2 | --spp 3 | -
+render scene.toml -o out.png --quiet --set camera.resolution=[24,16] | --spp 2 | --spp 3 | -
+voxelize cloth.toml -o cloth.ovox --quiet | --voxel-um 60 | --voxel-um 50 | -
+voxelize cloth.toml -o cloth.vdb --quiet | --voxel-um 60 | --voxel-um 50 | -
+voxelize cloth.toml -o cloth.vol --quiet | --voxel-um 60 | --voxel-um 50 | cloth.sigma_t.vol
+measure cloth.toml --layout grid --grid 2,4 --model surface --quiet -o out.csv | --spp 3 | --spp 2 | -
+measure cloth.toml --layout grid --grid 2,4 --model surface --quiet -o out.json | --spp 3 | --spp 2 | -
+bake cloth.toml -o material --quiet --resolution 16 --texel-spp 4 --pairs 64 --spp 2 \
+    --fit-texels 16 --model microflake --voxel-um 60 | --seed 1 | --seed 2 | material/bake.json
+export mitsuba scene.toml -o out --quiet | --set render.spp=2 | --set render.spp=3 | out/scene.xml
+export mitsuba scene.toml --quiet | -o earlier | -o new/folder | -
+export usd cloth.toml -o cloth.usda --quiet --level yarn | --repeats 1,1 | --repeats 2,2 | -
+weave cloth.toml -o draft.png | --cell-px 2 | --cell-px 3 | -
+";
+
 #[test]
-fn renders_and_checkpoints() {
-    let folder = workplace("render");
-    for outfile in ["out.exr", "out.png"] {
+fn whatever_commands_write() {
+    for (i, [arguments, old, new, first]) in table_rows(COMMANDS).enumerate() {
         let case = Case {
-            arguments: &format!(
-                "render scene.toml -o {outfile} --quiet --set camera.resolution=[24,16]"
-            ),
-            old: "--spp 2",
-            new: "--spp 3",
+            arguments,
+            old,
+            new,
+            stands_for_all: (first != "-").then_some(first),
             ..CASE
         };
-        suffer(&format!("render {outfile}"), &folder, &case);
+        suffer(arguments, &workplace(&format!("command-{i}")), &case);
     }
+}
+
+#[test]
+fn checkpoints() {
+    let folder = workplace("render");
     let case = Case {
         arguments: "render scene.toml -o out.exr --quiet --threads 1",
         old: "--spp 2",
@@ -298,25 +320,6 @@ fn merged_pictures() {
 }
 
 #[test]
-fn volumes() {
-    let folder = workplace("volumes");
-    for (outfile, first) in [
-        ("cloth.ovox", None),
-        ("cloth.vdb", None),
-        ("cloth.vol", Some("cloth.sigma_t.vol")),
-    ] {
-        let case = Case {
-            arguments: &format!("voxelize cloth.toml -o {outfile} --quiet"),
-            old: "--voxel-um 60",
-            new: "--voxel-um 50",
-            stands_for_all: first,
-            ..CASE
-        };
-        suffer(&format!("voxelize {outfile}"), &folder, &case);
-    }
-}
-
-#[test]
 fn caches() {
     let folder = workplace("cache");
     let case = Case {
@@ -327,22 +330,6 @@ fn caches() {
         ..CASE
     };
     suffer("voxelize with a cache", &folder, &case);
-}
-
-#[test]
-fn measurements() {
-    let folder = workplace("measure");
-    for outfile in ["out.csv", "out.json"] {
-        let case = Case {
-            arguments: &format!(
-                "measure cloth.toml --layout grid --grid 2,4 --model surface --quiet -o {outfile}"
-            ),
-            old: "--spp 3",
-            new: "--spp 2",
-            ..CASE
-        };
-        suffer(&format!("measure {outfile}"), &folder, &case);
-    }
 }
 
 #[test]
@@ -394,57 +381,4 @@ fn scans() {
         ..CASE
     };
     suffer("scan", &folder, &case);
-}
-
-#[test]
-fn folders_of_files() {
-    let folder = workplace("folders");
-    let case = Case {
-        arguments: "bake cloth.toml -o material --quiet --resolution 16 --texel-spp 4 --pairs 64 \
-                    --spp 2 --fit-texels 16 --model microflake --voxel-um 60",
-        old: "--seed 1",
-        new: "--seed 2",
-        stands_for_all: Some("material/bake.json"),
-        ..CASE
-    };
-    suffer("bake", &folder, &case);
-    let case = Case {
-        arguments: "export mitsuba scene.toml -o out --quiet",
-        old: "--set render.spp=2",
-        new: "--set render.spp=3",
-        stands_for_all: Some("out/scene.xml"),
-        ..CASE
-    };
-    suffer("export mitsuba", &folder, &case);
-    let case = Case {
-        arguments: "export mitsuba scene.toml --quiet",
-        old: "-o earlier",
-        new: "-o new/folder",
-        ..CASE
-    };
-    suffer("export mitsuba to a new folder", &folder, &case);
-}
-
-#[test]
-fn curves_for_other_programs() {
-    let folder = workplace("usd");
-    let case = Case {
-        arguments: "export usd cloth.toml -o cloth.usda --quiet --level yarn",
-        old: "--repeats 1,1",
-        new: "--repeats 2,2",
-        ..CASE
-    };
-    suffer("export usd", &folder, &case);
-}
-
-#[test]
-fn drawdowns_and_curves() {
-    let folder = workplace("weave");
-    let case = Case {
-        arguments: "weave cloth.toml -o draft.png",
-        old: "--cell-px 2",
-        new: "--cell-px 3",
-        ..CASE
-    };
-    suffer("weave", &folder, &case);
 }
