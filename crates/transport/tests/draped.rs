@@ -71,10 +71,10 @@ fn picture(scene: &Scene, integrator: Integrator, seed: u64) -> Film {
 fn lamps() -> Vec<Light> {
     vec![
         sun(Vec3::new(0.4, 0.3, -0.87), 2.0),
-        Light::from(EnvironmentLight {
-            radiance: Rgb::new(0.3, 0.2, 0.1),
-            hemisphere: Hemisphere::Back,
-        }),
+        Light::from(EnvironmentLight::new(
+            Rgb::new(0.3, 0.2, 0.1),
+            Hemisphere::Back,
+        )),
     ]
 }
 

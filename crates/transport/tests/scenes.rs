@@ -21,10 +21,7 @@ pub fn orthographic(origin_mm: DVec3, target_mm: DVec3, width_mm: f64, pixels: u
 
 /// Even white light from a half of the sphere, or from all of it.
 pub fn white_sky(hemisphere: Hemisphere) -> Light {
-    Light::from(EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere,
-    })
+    Light::from(EnvironmentLight::new(Rgb::WHITE, hemisphere))
 }
 
 /// Parallel grey light.

@@ -170,10 +170,7 @@ mod tests {
     }
 
     fn sky() -> Light {
-        Light::from(EnvironmentLight {
-            radiance: Rgb::WHITE,
-            hemisphere: Hemisphere::All,
-        })
+        Light::from(EnvironmentLight::new(Rgb::WHITE, Hemisphere::All))
     }
 
     #[test]

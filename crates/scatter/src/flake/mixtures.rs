@@ -172,10 +172,7 @@ mod tests {
             let [gaussians, sines] = ["gaussian", "sin-power"].map(|name| {
                 FlakeFamily::named(name)
                     .unwrap()
-                    .of_materials(vec![FlakeOptics {
-                        albedo: Rgb::WHITE,
-                        end_on_ratio: ratio,
-                    }])
+                    .of_materials(vec![FlakeOptics::new(Rgb::WHITE, ratio)])
             });
             for spread_rad in [0.02f32, 0.1, 0.3, 0.8, 3.0] {
                 let c = FibrePopulation {

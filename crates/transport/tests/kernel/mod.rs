@@ -87,10 +87,7 @@ fn cloth() -> FlakeOctreeMedium {
 /// The same at a level of detail, up to 2.
 fn cloth_at(level: u8) -> FlakeOctreeMedium {
     let octree = octree(&little_weave(0.0, 0), 0.02, 2.max(level + 1));
-    let optics = FlakeOptics {
-        albedo: Rgb::new(0.9, 0.7, 0.5),
-        end_on_ratio: 0.1,
-    };
+    let optics = FlakeOptics::new(Rgb::new(0.9, 0.7, 0.5), 0.1);
     FlakeOctreeMedium::new(octree, level, vec![optics], FlakeFamily::SGGX_SPECULAR).unwrap()
 }
 
@@ -109,12 +106,7 @@ fn parallel() -> Vec<Light> {
 }
 
 fn sky() -> Vec<Light> {
-    let of = |radiance, hemisphere| {
-        Light::from(EnvironmentLight {
-            radiance,
-            hemisphere,
-        })
-    };
+    let of = |radiance, hemisphere| Light::from(EnvironmentLight::new(radiance, hemisphere));
     vec![
         of(Rgb::new(0.7, 0.8, 1.0), Hemisphere::All),
         of(Rgb::new(0.5, 0.2, 0.1), Hemisphere::Back),
