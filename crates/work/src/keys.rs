@@ -14,9 +14,6 @@ use std::ops::Range;
 use std::time::Duration;
 
 /// Refuses values of a field that its reader refuses: none, one or several.
-///
-/// # Errors
-/// Names the field and what was expected.
 pub fn check<T: Display, U>(
     field: &str,
     list: impl IntoIterator<Item = T>,
