@@ -46,12 +46,7 @@ fn views() -> [(&'static str, Vec3, f64); 5] {
 /// is looked at, grazing, along the fibres in a voxel plane.
 fn lights(view: Vec3, is_furnace: bool) -> Vec<Light> {
     let constant = |hemisphere| Light::from(EnvironmentLight::new(Rgb::WHITE, hemisphere));
-    let directional = |direction| {
-        Light::from(DirectionalLight {
-            direction,
-            irradiance: Rgb::WHITE,
-        })
-    };
+    let directional = |direction| Light::from(DirectionalLight::new(direction, Rgb::WHITE));
     if is_furnace {
         vec![constant(Hemisphere::All)]
     } else {

@@ -98,10 +98,7 @@ impl ComparisonPlan {
             // Pictures are no part of what is counted.
             let (grid, paths) = (&self.grid, self.texel_paths);
             let texture = measure_texture(patch, pair, grid, paths, effort.seed, &|_| watch(0))?;
-            pictures.push(Picture {
-                size: self.grid.texels.to_array(),
-                pixels: texture.mean,
-            });
+            pictures.push(Picture::new(self.grid.texels.to_array(), texture.mean));
         }
         Ok(Measurement {
             model: model.into(),

@@ -125,11 +125,7 @@ impl FlakeMixtures {
         let met = self.meet(mixture, w_out, rng)?;
         let w_in = self.scattering.sample(&met, w_out, rng)?;
         let (value, pdf) = self.eval(mixture, None, w_out, w_in);
-        (pdf > 0.0).then(|| LobeSample {
-            w_in,
-            weight: value / pdf,
-            pdf,
-        })
+        (pdf > 0.0).then(|| LobeSample::new(w_in, value / pdf, pdf))
     }
 }
 

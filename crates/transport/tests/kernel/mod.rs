@@ -97,10 +97,10 @@ fn parallel() -> Vec<Light> {
         (Vec3::new(-0.4, 0.2, 0.9), 1.5),
     ]
     .map(|(d, e)| {
-        Light::from(DirectionalLight {
-            direction: d.normalize(),
-            irradiance: Rgb::new(e, 1.0, 0.5 * e),
-        })
+        Light::from(DirectionalLight::new(
+            d.normalize(),
+            Rgb::new(e, 1.0, 0.5 * e),
+        ))
     })
     .to_vec()
 }
@@ -161,11 +161,7 @@ fn lens() -> Projection {
 
 fn scene(medium: AnyMedium, lights: Vec<Light>, projection: Projection) -> Scene {
     let middle = medium.cell_grid().unwrap().bounds_mm().centre().as_dvec3();
-    let pose = CameraPose {
-        origin_mm: middle + DVec3::new(0.2, -0.3, 0.8),
-        target_mm: middle,
-        up: DVec3::Y,
-    };
+    let pose = CameraPose::new(middle + DVec3::new(0.2, -0.3, 0.8), middle, DVec3::Y);
     let filter = match projection {
         Projection::Orthographic { .. } => PixelFilter::Tent,
         Projection::Perspective { .. } => PixelFilter::Box,
