@@ -31,6 +31,9 @@ pub enum Observed {
 
 impl Observed {
     /// Reads a table of pairs or a WINDOW file.
+    ///
+    /// # Errors
+    /// Names the file and the place.
     pub fn read(path: &std::path::Path, context: &Context) -> Result<Observed> {
         let is_xml = path
             .extension()

@@ -49,6 +49,9 @@ pub struct Photograph {
 
 impl Photograph {
     /// Reads the photograph and its regions.
+    ///
+    /// # Errors
+    /// Names the file or the flag.
     pub fn read(args: &FitJob, path: &Path, draft: &Draft) -> Result<Photograph> {
         let (size, pixels) = super::picture::read_picture(path, &args.context)?;
         let whole = Crop::new(UVec2::ZERO, size);

@@ -40,6 +40,9 @@ pub struct Draft {
 
 impl Draft {
     /// Reads the scene, or makes one for a volume file.
+    ///
+    /// # Errors
+    /// Names the file and the key at fault.
     pub fn new(args: &FitJob, loader: &Loader<'_>) -> Result<Draft> {
         let path = args.fabric_path().to_owned();
         let is_made = format::by_name(&path.to_string_lossy()).is_some();
@@ -155,6 +158,9 @@ impl Draft {
     }
 
     /// Reads a changed table.
+    ///
+    /// # Errors
+    /// Names the scene and the key at fault.
     pub fn load(&self, table: &Table, loader: &Loader<'_>) -> Result<LoadedScene> {
         let text = toml::to_string(table).context("the scene cannot be written")?;
         Ok(from_str(&text, &self.path, &[], loader)?)

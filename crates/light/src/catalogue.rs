@@ -91,6 +91,9 @@ pub trait LightKind {
         Self: Sized;
 
     /// The light.
+    ///
+    /// # Errors
+    /// Names the key at fault and its valid values.
     fn build(&self, load: &LoadPicture<'_>) -> Result<Light, LightError>;
 
     /// Whether light may come from above a height, mm, and from below it.
@@ -136,6 +139,9 @@ macro_rules! lights {
 
 impl LightTable {
     /// The light; pictures are read by `load`.
+    ///
+    /// # Errors
+    /// Names the key at fault and its valid values.
     pub fn build(&self, load: &LoadPicture<'_>) -> Result<Light, LightError> {
         self.described().build(load)
     }

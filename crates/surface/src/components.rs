@@ -36,6 +36,9 @@ pub struct Components {
 impl Components {
     /// Takes the shape of the yarns and of the transmission from parameters, and ignores their
     /// colours.
+    ///
+    /// # Errors
+    /// Names the parameter that is out of range.
     pub fn new(p: &WovenParameters) -> Result<Components, Error> {
         Ok(Components {
             faces: [

@@ -265,6 +265,9 @@ impl SurfaceSpec {
 
     /// The parameters that it describes. A fabric whose draft is given elsewhere sets
     /// [`weave`](Self::weave) first.
+    ///
+    /// # Errors
+    /// Names the first key that is missing or out of range.
     pub fn parameters(self) -> Result<WovenParameters, Error> {
         let spec = self.resolved()?;
         let noise = spec.noise.unwrap_or(NoiseSpec {

@@ -95,6 +95,9 @@ impl Document {
 
 impl FabricDocument {
     /// The fabric's keys.
+    ///
+    /// # Errors
+    /// Names the place and the key at fault.
     pub fn read(&self) -> Result<FabricFile, InputError> {
         let text = self.text.to_string();
         read::toml_changed(&self.path, &text, &[], &[], Wanted::Fabric)

@@ -96,6 +96,9 @@ fn fail<T>(why: impl Display) -> Outcome<T> {
 }
 
 /// A document after changes, which are all made or none.
+///
+/// # Errors
+/// Names the key that cannot be set, or the place of the value that is wrong.
 pub fn changed(document: &Document, edits: &[Edit]) -> Outcome<Document> {
     if edits.len() > MAX_EDITS {
         return fail(format!(
@@ -126,6 +129,9 @@ pub fn moves_camera(edit: &Edit) -> bool {
 }
 
 /// Refuses a document whose files cannot be read.
+///
+/// # Errors
+/// Names the file, the place and the key.
 pub fn check(document: &Document) -> Outcome {
     let (path, text) = (&document.scene_path, document.scene.to_string());
     let file: SceneFile = read::toml_changed(path, &text, &[], &[], Wanted::Scene)?;

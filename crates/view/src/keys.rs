@@ -149,6 +149,9 @@ const REPLACED: &[(&str, &str)] = &[
 ];
 
 /// Sets one of the allowed keys, or takes out one that may be missing.
+///
+/// # Errors
+/// Names the key, and what it holds.
 pub(crate) fn set_allowed(
     document: &mut DocumentMut,
     allowed: &[(&[&str], Holds)],

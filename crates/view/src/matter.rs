@@ -57,6 +57,9 @@ impl Built {
 
     /// The scene of a document, built if it is not kept. With `max_memory_bytes` no other
     /// scene is kept while it is built.
+    ///
+    /// # Errors
+    /// Names the file and the key at fault.
     pub fn exactly(
         &mut self,
         document: &Document,

@@ -16,6 +16,9 @@ use toml_edit::DocumentMut;
 
 /// Reads a scene, a fabric, a draft (`.wif`) or a named weave, with `key.path=value` overrides,
 /// which apply to scenes and fabrics.
+///
+/// # Errors
+/// Names the file, the place and the key at fault.
 pub fn open(path: &Path, overrides: &[String]) -> Result<Document, InputError> {
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),

@@ -14,6 +14,9 @@ use std::ops::Range;
 use std::time::Duration;
 
 /// Refuses values of a field that its reader refuses: none, one or several.
+///
+/// # Errors
+/// Names the field and what was expected.
 pub fn check<T: Display, U>(
     field: &str,
     list: impl IntoIterator<Item = T>,

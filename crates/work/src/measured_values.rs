@@ -11,6 +11,9 @@ use std::path::Path;
 const MAX_DATA: usize = 2000;
 
 /// Measured values of a file, thinned evenly to what is compared.
+///
+/// # Errors
+/// Names the file and the place.
 pub fn read(path: &Path, context: &Context) -> Result<Vec<PairValue>> {
     let text = context.loader().text_of(path, Wanted::Text)?;
     let is_xml = path

@@ -244,6 +244,9 @@ pub fn or_list(names: &[impl AsRef<str>]) -> String {
 }
 
 /// Refuses a name that has none of these endings.
+///
+/// # Errors
+/// Names the file and the endings.
 pub fn check_ending(path: &Path, endings: &[&str]) -> Result<()> {
     let has = |own: &std::ffi::OsStr| endings.iter().any(|e| own.eq_ignore_ascii_case(e));
     if path.extension().is_some_and(has) {

@@ -78,6 +78,9 @@ pub trait Request: Clone + DeserializeOwned + Send + Sync {
     /// Refuses what is wrong whatever its input files hold: values out of range, keys that contradict
     /// each other, files that would be lost. It reads none of these files, which an earlier request may
     /// still have to write.
+    ///
+    /// # Errors
+    /// Names the key or the file.
     fn check(&self, context: &Context) -> anyhow::Result<()>;
 
     /// Does the work of a request that was checked.

@@ -123,6 +123,9 @@ pub struct Photographs {
 
 impl Photographs {
     /// Reads those that the arguments name.
+    ///
+    /// # Errors
+    /// Names the file or the flag.
     pub fn read(args: &FitJob, front: &Path) -> Result<Photographs> {
         let width_mm = width_mm(args)?;
         let (photograph, share) = read(args, front)?;

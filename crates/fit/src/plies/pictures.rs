@@ -39,6 +39,9 @@ pub struct Pictures(Vec<Side>);
 
 impl Pictures {
     /// Reads both.
+    ///
+    /// # Errors
+    /// Names the file or the flag.
     pub fn read(args: &FitJob, front: &Path, back: &Path, fabric: &Fabric) -> Result<Pictures> {
         let front_light = args.light.unwrap_or(LIGHT);
         let back_light = args.back_light.unwrap_or(BACK_LIGHT);

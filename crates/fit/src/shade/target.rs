@@ -30,6 +30,9 @@ pub struct Target {
 
 impl Target {
     /// Reads a band of a WINDOW file; `None` if the file has nothing of it.
+    ///
+    /// # Errors
+    /// Names the file and the place.
     pub fn read(text: &str, band: KlemsBand, path: &Path) -> Result<Option<Target>> {
         let fail = |e: &dyn std::fmt::Display| of_file(path, e);
         let parts = match read_klems_parts(text, band) {

@@ -33,6 +33,9 @@ pub struct Peer {
 
 impl Peer {
     /// The pictures of a file, each of `pixels` pixels.
+    ///
+    /// # Errors
+    /// Names the file and the picture.
     pub fn read(path: &Path, pixels: usize) -> Result<Vec<Peer>, ReportError> {
         let fail = |why: String| ReportError::of_file(path, why);
         let file: PeerFile =
