@@ -48,6 +48,7 @@ pub const ALL: [Entry; 24] = [
     ("view", view),
 ];
 
+/// A WIF draft.
 fn wif(data: &[u8]) {
     if let Ok(draft) = Draft::from_wif(data) {
         assert!(draft.ends() > 0 && draft.picks() > 0);
@@ -55,6 +56,7 @@ fn wif(data: &[u8]) {
     }
 }
 
+/// Curves as text.
 fn curve_text(data: &[u8]) {
     let _ = CurveSet::read_text(&String::from_utf8_lossy(data), 1.0);
 }
@@ -352,6 +354,7 @@ fn view(data: &[u8]) {
     assert!(!fabric.contains("outside"), "{fabric}");
 }
 
+/// A folder of this process.
 fn folder() -> PathBuf {
     let path = std::env::temp_dir().join(format!("organza-fuzz-{}", std::process::id()));
     let _ = std::fs::create_dir_all(&path);

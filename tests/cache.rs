@@ -44,6 +44,7 @@ fn write_quick_scene(folder: &Path) {
     std::fs::write(folder.join("scene.toml"), scene).unwrap();
 }
 
+/// The entries of the cache of a folder.
 fn entries(folder: &Path) -> Vec<PathBuf> {
     let Ok(files) = std::fs::read_dir(folder.join("cache")) else {
         return Vec::new();

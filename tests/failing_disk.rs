@@ -31,6 +31,7 @@ fn restore(folder: &Path, files: &BTreeMap<String, Vec<u8>>) {
     }
 }
 
+/// A command on a failing disk.
 struct Case<'a> {
     arguments: &'a str,
     /// What an earlier run has and the one on the failing disk has not.

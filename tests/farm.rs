@@ -21,8 +21,10 @@ fn text(name: &str) -> String {
     std::fs::read_to_string(farm().join(name)).unwrap()
 }
 
+/// Values by their names.
 type Values<'a> = BTreeMap<&'a str, String>;
 
+/// A step of a template.
 #[derive(Default)]
 struct Step {
     name: String,
@@ -36,7 +38,9 @@ struct Step {
 /// A template, as far as these tests need it. It reads the layout of these files, not YAML
 /// in general; `openjd check` checks the rest.
 struct Template {
+    /// Parameters, with their defaults.
     parameters: BTreeMap<String, Option<String>>,
+    /// Variables of the environment.
     variables: Vec<(String, String)>,
     steps: Vec<Step>,
 }

@@ -114,11 +114,13 @@ enum Tracker {
     Woodcock,
     /// Exact steps through constant voxels.
     Exact,
+    /// The vector kernel.
     Kernel,
 }
 
 #[derive(Debug)]
 enum Outcome {
+    /// With its message.
     Failed(#[allow(dead_code)] String),
     Picture {
         mean: f64,

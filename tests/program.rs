@@ -14,6 +14,7 @@ pub fn folder(test: &str) -> PathBuf {
 
 /// Arguments of the program: words, or one line of words without quotes.
 pub trait Arguments {
+    /// The words.
     fn words(&self) -> Vec<&str>;
 }
 

@@ -19,6 +19,7 @@ pub fn gauze() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("volumes/gauze_ct.tif")
 }
 
+/// Scans the gauze in a folder.
 fn scan(folder: &Path, outfile: &str, more: &str) -> String {
     let ct = gauze();
     let mut arguments = argv(GAUZE);

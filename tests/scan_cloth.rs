@@ -25,6 +25,7 @@ const BEND: Vec3 = Vec3::new(0.15, -0.08, 0.0);
 const TURN: f32 = 0.07;
 const TILT: f32 = 0.1;
 
+/// The place in the scan of a place of the flat cloth.
 fn placed(p: Vec3) -> Vec3 {
     let height = 0.5 * (BEND * p * p).element_sum();
     let normal = (Vec3::Z - BEND * p.with_z(0.0)).normalize();

@@ -40,6 +40,7 @@ impl View {
         }
     }
 
+    /// The body of an answer.
     fn ask(&self, method: &str, path: &str, body: &str) -> Vec<u8> {
         let (host, token, length) = (&self.host, &self.token, body.len());
         let mut stream = TcpStream::connect(host).unwrap();

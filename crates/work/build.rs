@@ -58,6 +58,7 @@ fn digest(files: Vec<PathBuf>) -> std::io::Result<String> {
     Ok(digest.digits())
 }
 
+/// Adds the files of a folder and of those in it.
 fn gather(folder: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
     println!("cargo::rerun-if-changed={}", folder.display());
     for entry in std::fs::read_dir(folder)? {

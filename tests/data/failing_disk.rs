@@ -106,6 +106,7 @@ fn is_inside(path: &[u8]) -> bool {
             .all(|(&a, b)| u64::from(a) == b.load(SeqCst))
 }
 
+/// The path of an open file.
 fn path_of(file: u64, buffer: &mut [u8; 512]) -> &[u8] {
     let mut link = *b"/proc/self/fd/0000000000\0";
     let mut rest = file & 0xffff_ffff;

@@ -67,6 +67,9 @@ fn sky_error(
 /// through the cloth if the model transmits. Residuals are differences times the cosine of
 /// the eye, as shares of the mean of the own value and the root mean square of the side. The
 /// texels under a bright sky count with `sky_weight`, usually [`SKY_WEIGHT`]. `roughening` is fitted where none is given. Deterministic. `watch` is called before every evaluation.
+///
+/// # Errors
+/// When `watch` broke.
 pub fn fit_target(
     target: &Target,
     texels: &[Texel],

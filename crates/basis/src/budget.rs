@@ -73,6 +73,9 @@ impl Budget {
     }
 
     /// Takes the bytes of `count` items of a type.
+    ///
+    /// # Errors
+    /// As [`Budget::take`].
     pub fn take_items<T>(&mut self, count: u64, what: &'static str) -> Result<(), OverBudget> {
         self.take(count.saturating_mul(size_of::<T>() as u64), what)
     }

@@ -13,6 +13,9 @@ pub struct Stopped;
 
 impl Stopped {
     /// Turns the answer of a [`Watch`] into a result, which `?` passes on.
+    ///
+    /// # Errors
+    /// The answer is to stop.
     pub fn check(answer: ControlFlow<()>) -> Result<(), Stopped> {
         match answer {
             ControlFlow::Continue(()) => Ok(()),

@@ -165,6 +165,9 @@ impl Cache {
 
     /// All entries, those used last first; none if the folder does not exist. Temporary files
     /// that nobody writes are removed.
+    ///
+    /// # Errors
+    /// The folder cannot be read.
     pub fn entries(&self) -> io::Result<Vec<Entry>> {
         let mut entries = Vec::new();
         temporary::remove_left_over(&self.folder, TEMPORARY);
@@ -180,6 +183,9 @@ impl Cache {
     }
 
     /// Removes the entries that were not used since a time.
+    ///
+    /// # Errors
+    /// The folder cannot be read.
     pub fn remove_older(&self, since: SystemTime) -> io::Result<Removed> {
         let entries = self.entries()?;
         Ok(remove(entries.iter().filter(|entry| entry.used < since)))
@@ -187,6 +193,9 @@ impl Cache {
 
     /// Removes entries until those left take at most `bytes`, those first that were not used
     /// for the longest time.
+    ///
+    /// # Errors
+    /// The folder cannot be read.
     pub fn remove_above(&self, bytes: u64) -> io::Result<Removed> {
         let _lock = self.lock();
         self.shrink(bytes, None)

@@ -94,6 +94,9 @@ pub fn encode(
 }
 
 /// The result that the bytes of an entry hold.
+///
+/// # Errors
+/// Says what is wrong with them.
 pub fn decode(mut bytes: Vec<u8>, key: &Key) -> Result<Vec<u8>, &'static str> {
     let Some(end) = bytes.len().checked_sub(CHECKSUM) else {
         return Err("is cut short");

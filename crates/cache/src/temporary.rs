@@ -45,6 +45,9 @@ fn builder(prefix: &str, mode: u32) -> Builder<'_, 'static> {
 }
 
 /// A new temporary file in a folder, locked as long as it is open.
+///
+/// # Errors
+/// It cannot be made.
 pub fn file(folder: &Path, prefix: &str) -> io::Result<NamedTempFile> {
     loop {
         let file = builder(prefix, 0o666).tempfile_in(folder)?;
@@ -62,6 +65,9 @@ pub struct TemporaryFolder {
 
 impl TemporaryFolder {
     /// A new one in a folder.
+    ///
+    /// # Errors
+    /// It cannot be made.
     pub fn new(parent: &Path, prefix: &str) -> io::Result<TemporaryFolder> {
         loop {
             let folder = builder(prefix, 0o777).tempdir_in(parent)?;

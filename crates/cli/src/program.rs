@@ -13,6 +13,9 @@ pub fn set(program: Option<Program>) {
 }
 
 /// What is started.
+///
+/// # Errors
+/// The process cannot find its own file.
 pub fn started() -> Result<Program> {
     let started = STARTED.lock().unwrap_or_else(PoisonError::into_inner);
     Ok(match &*started {

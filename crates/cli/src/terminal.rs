@@ -27,6 +27,9 @@ pub fn print(text: &str) -> Result<()> {
 }
 
 /// Prints a value as JSON.
+///
+/// # Errors
+/// Those of [`print`].
 pub fn print_json(value: &impl serde::Serialize) -> Result<()> {
     print(&(serde_json::to_string_pretty(value)? + "\n"))
 }

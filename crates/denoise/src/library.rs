@@ -250,6 +250,7 @@ impl Functions {
     }
 }
 
+/// A device.
 struct Device<'a> {
     functions: &'a Functions,
     handle: Handle,

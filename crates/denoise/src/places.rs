@@ -81,6 +81,7 @@ fn environments(variables: Variables<'_>) -> Vec<PathBuf> {
     found
 }
 
+/// The folders of packages of an environment.
 fn site_packages(environment: &Path) -> Vec<PathBuf> {
     let lib = environment.join("lib");
     let is_python = |name: &OsStr| name.to_string_lossy().starts_with("python");

@@ -52,16 +52,24 @@ pub enum PixelFilter {
 
 /// A camera that cannot see.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what is wrong
 pub enum CameraError {
+    /// Origin and target coincide.
     #[error("origin_mm and target_mm are the same point")]
     NoDirection,
+    /// The up vector is zero or parallel to the view.
     #[error("up is zero or parallel to the view direction")]
     NoUp,
+    /// A picture without pixels.
     #[error("resolution must be at least 1 x 1")]
     NoPixels,
+    /// A width or an angle out of range.
     #[error("{must}, found {found}")]
-    Range { must: &'static str, found: f64 },
+    Range {
+        /// The key and what it must be.
+        must: &'static str,
+        /// What it is.
+        found: f64,
+    },
 }
 
 /// Where a camera stands and where it looks.

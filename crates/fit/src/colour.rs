@@ -32,6 +32,7 @@ const RANGE: [f64; 2] = [0.0, 0.98];
 /// middle grey.
 const TOLERANCE: f64 = 0.0005;
 
+/// The target.
 pub(crate) static TARGET: crate::Target = crate::Target {
     name: "colour",
     about: "Colour of the fibres at which the cloth reflects a wanted colour",

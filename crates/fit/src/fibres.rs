@@ -114,11 +114,17 @@ impl Observed {
     }
 
     /// The same of a patch.
+    ///
+    /// # Errors
+    /// Those of the measurement.
     pub fn simulate(&self, args: &FitJob, patch: &AnyPatch) -> Result<Observed> {
         self.simulate_with(args, patch, &effort(args))
     }
 
     /// The same with another effort.
+    ///
+    /// # Errors
+    /// Those of the measurement.
     pub fn simulate_with(
         &self,
         args: &FitJob,
@@ -154,6 +160,7 @@ const TOLERANCE: f64 = 0.02;
 /// Largest and least number of fibres, against the fabric's own.
 const DENSITY: [f64; 2] = [0.5, 1.6];
 
+/// The target.
 pub(crate) static TARGET: crate::Target = crate::Target {
     name: "fibres",
     about: "Colour, roughness and density of the fibres, from measured values",

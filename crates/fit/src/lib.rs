@@ -337,6 +337,9 @@ impl Fit {
     }
 
     /// Refuses the first of some fields that is given.
+    ///
+    /// # Errors
+    /// Names the field.
     fn refuse(&self, fields: &[&str], why: &str) -> Result<()> {
         let mut given = self.given().into_iter();
         match given.find(|(field, is_given)| *is_given && fields.contains(field)) {

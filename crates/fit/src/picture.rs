@@ -31,6 +31,7 @@ const TURNS: u32 = 12;
 /// The brightest colour that a yarn may get.
 const BRIGHTEST: f64 = 0.98;
 
+/// The target.
 pub(crate) static TARGET: crate::Target = crate::Target {
     name: "picture",
     about: "Colour and roughness of the fibres, from one picture of the cloth",
@@ -42,6 +43,7 @@ pub(crate) static TARGET: crate::Target = crate::Target {
     run,
 };
 
+/// The file of the picture.
 fn photograph(args: &Fit) -> Result<&Path> {
     let path = args.data.as_deref();
     path.ok_or_else(|| of_option("data", "expected a picture"))
@@ -140,6 +142,9 @@ fn determined(name: String, value: f64, is_fixed: bool) -> Determined {
 }
 
 /// Linear pixels of a picture, none of them negative.
+///
+/// # Errors
+/// Names the file.
 pub fn read_picture(path: &Path, context: &Context) -> Result<(UVec2, Vec<Rgb>)> {
     let allowed = context.memory_bytes();
     let decoded = organza_picture::decode(&context.loader().bytes(path)?, allowed);
@@ -163,6 +168,9 @@ pub struct Seen {
 
 impl Seen {
     /// Reads a picture under a light, averaged to so many texels of its longer side.
+    ///
+    /// # Errors
+    /// Names the file.
     pub fn read(
         args: &FitJob,
         path: &Path,

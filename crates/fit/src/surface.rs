@@ -30,6 +30,7 @@ const BATCH: usize = 128;
 /// a hundredth of it.
 const STRIDE: f64 = 1e-3;
 
+/// The target.
 pub(crate) static TARGET: crate::Target = crate::Target {
     name: "surface",
     about: "The [surface] section: Irawan's model of the weave, from measured values or from the fabric's own volume",

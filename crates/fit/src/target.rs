@@ -76,6 +76,9 @@ impl ValueEnum for TargetName {
 }
 
 /// Refuses fields that the target does not take, and names those targets that do.
+///
+/// # Errors
+/// Names the field.
 pub(crate) fn check_fields(fit: &Fit) -> Result<()> {
     let own = fit.target.target();
     let mut others = fit

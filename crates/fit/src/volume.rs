@@ -36,6 +36,7 @@ pub fn has_picture(args: &Fit) -> bool {
     organza_picture::format_of_ending(ending).is_some()
 }
 
+/// The target.
 pub(crate) static TARGET: crate::Target = crate::Target {
     name: "volume",
     about: "Colours, flakes and density of a volume file, or of the volume in a scene, from a picture or measured values",

@@ -233,6 +233,9 @@ impl Photograph {
     }
 
     /// The table with a camera of as many pixels as are compared.
+    ///
+    /// # Errors
+    /// There is no camera.
     pub fn with_camera(&self, mut table: Table, path: &Path) -> Result<Table> {
         let camera = table.get_mut("camera").and_then(Value::as_table_mut);
         let camera = camera.ok_or_else(|| {

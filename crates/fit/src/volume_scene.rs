@@ -223,6 +223,9 @@ impl Draft {
     }
 
     /// The table with names of files that are valid where it is written.
+    ///
+    /// # Errors
+    /// A folder that is not known.
     pub fn portable(&self, mut table: Table, outfile: &Path) -> Result<Table> {
         let folder = |path: &Path| {
             let parent = path.parent().map(Path::to_owned).unwrap_or_default();

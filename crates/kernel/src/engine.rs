@@ -66,6 +66,9 @@ pub trait Engine: Send + Sync {
 
     /// Learns a cache of radiance for the samples that follow, unless it is learned; `None`
     /// of an engine or a scene without one.
+    ///
+    /// # Errors
+    /// `watch` broke.
     fn learn(
         &self,
         _plan: &CachePlan,
@@ -122,6 +125,9 @@ pub struct EngineRecord {
 impl EngineRecord {
     /// Refuses an engine that this computer does not have, before anything is laid out
     /// for it.
+    ///
+    /// # Errors
+    /// [`Refusal::Unavailable`].
     pub fn check(&self) -> Result<(), Refusal> {
         if (self.is_available)() {
             return Ok(());

@@ -79,22 +79,29 @@ pub const MAX_DIM: u32 = 4096;
 
 /// Why matter cannot be laid out for lanes.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what is wrong
 pub enum Unsuited {
+    /// Flakes that are not those of a fibre.
     #[error("a grid has flakes that are not symmetric about their thinnest direction")]
     NotAxial,
+    /// More voxels along an axis than [`MAX_DIM`].
     #[error("a medium has more than {MAX_DIM} voxels along an axis")]
     TooWide,
+    /// More albedos than there are numbers for.
     #[error("a medium has more than 65536 different albedos")]
     TooManyAlbedos,
+    /// More voxels of packed fibres than lanes can address.
     #[error("a medium has more than 2^30 voxels of packed fibres")]
     TooManyVoxels,
+    /// More materials of packed fibres than there are numbers for.
     #[error("a medium has more than 256 materials of packed fibres")]
     TooManyMaterials,
+    /// Thin matter beside matter so dense that the chance of meeting it is lost.
     #[error("thin matter beside dense matter (an optical depth of {0} across all of it)")]
     Contrast(f32),
+    /// Matter so dense that places are too far apart.
     #[error("matter so dense that a voxel has an optical depth of {0}")]
     Dense(f32),
+    /// More populations than can be addressed.
     #[error("a medium has more than 2^29 populations of fibres")]
     TooManyPopulations,
 }

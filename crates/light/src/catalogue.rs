@@ -51,6 +51,7 @@ impl LightError {
     }
 }
 
+/// A colour of a table.
 pub(crate) fn colour(c: [f32; 3], key: &'static str) -> Result<Rgb, LightError> {
     let c = Rgb::from(c);
     if c.is_valid() {

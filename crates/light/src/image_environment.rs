@@ -30,12 +30,24 @@ pub struct ImageEnvironment {
 
 /// A picture or directions that make no environment.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what is wrong
 pub enum ImageEnvironmentError {
+    /// Pixels do not fill the picture.
     #[error("{size} pixels expected, {count} given")]
-    Size { size: UVec2, count: usize },
+    Size {
+        /// Columns and rows.
+        size: UVec2,
+        /// How many there are.
+        count: usize,
+    },
+    /// No number.
     #[error("pixel ({x}, {y}) is {value:?}; expected finite numbers of at least 0", x = .at.x, y = .at.y)]
-    Pixel { at: UVec2, value: Rgb },
+    Pixel {
+        /// Column and row.
+        at: UVec2,
+        /// What is there.
+        value: Rgb,
+    },
+    /// No frame.
     #[error("up and centre must be finite and not parallel")]
     Frame,
 }

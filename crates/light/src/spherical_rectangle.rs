@@ -6,6 +6,7 @@ use glam::{DVec3, Vec2, Vec3};
 /// from the area serve as well.
 const MIN_SOLID_ANGLE: f64 = 1e-6;
 
+/// A rectangle in space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Face {
     corner_mm: DVec3,

@@ -268,6 +268,9 @@ fn smoothed(side: usize, values: &[f64]) -> Vec<f64> {
 }
 
 /// Measures the reflection of the face. Light comes from the incident direction of a pair.
+///
+/// # Errors
+/// See [`MeasureError`].
 pub fn measure_adaptive(
     patch: &impl PatchResponse,
     grid: AdaptiveGrid,

@@ -15,6 +15,7 @@ const VERSION: [u8; 2] = [1, 0];
 /// Values start at multiples of this.
 const ALIGNMENT: u64 = 8;
 
+/// Values of a tensor.
 enum Values<'a> {
     Bytes(&'a [u8]),
     Floats(&'a [f32]),
@@ -37,6 +38,7 @@ impl Values<'_> {
     }
 }
 
+/// A named tensor.
 struct Tensor<'a> {
     name: &'static str,
     shape: Vec<u64>,
@@ -50,6 +52,9 @@ impl Tensor<'_> {
 }
 
 /// Writes a file. Colour is linear sRGB, which Mitsuba reads in its RGB variants.
+///
+/// # Errors
+/// Those of the writer.
 pub fn write_adaptive(
     brdf: &AdaptiveBrdf,
     description: &str,

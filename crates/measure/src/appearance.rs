@@ -112,6 +112,7 @@ struct Search<'a, 'b, E> {
     simulations: u32,
 }
 
+/// A place with its statistics.
 #[derive(Clone)]
 struct Place {
     x: Vec<f64>,
@@ -121,6 +122,9 @@ struct Place {
 
 /// Finds the optics at which `simulate` gives the statistics `target`, which are a mean and
 /// deviation of pixels, or values of pairs, channel by channel.
+///
+/// # Errors
+/// Those of `simulate`.
 pub fn fit_appearance<E>(
     target: &[Measured],
     search: &AppearanceSearch,
@@ -179,6 +183,7 @@ impl<'a, 'b, E> Search<'a, 'b, E> {
         }
     }
 
+    /// Number of materials.
     fn materials(&self) -> usize {
         self.search.start.albedo.len()
     }

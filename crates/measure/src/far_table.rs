@@ -86,6 +86,9 @@ const NODE_STREAMS: u64 = 1 << 58;
 const AT_ONCE: u64 = 1 << 14;
 
 /// Traces paths from a node.
+///
+/// # Errors
+/// See [`MeasureError`].
 pub fn measure_node(
     patch: &impl PatchResponse,
     rings: &Rings,

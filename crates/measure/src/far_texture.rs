@@ -54,6 +54,9 @@ const TEXTURE_STREAMS: u64 = 3 << 57;
 const AT_ONCE: u64 = 1 << 14;
 
 /// Traces `per_texel` paths from a node at every texel.
+///
+/// # Errors
+/// See [`MeasureError`].
 pub fn measure_texels(
     patch: &impl PatchResponse,
     [eye, light]: [&Rings; 2],

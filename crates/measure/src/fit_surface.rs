@@ -62,6 +62,9 @@ const FIRST_TRANSMITTED: usize = 5;
 
 /// Fits a surface, starting from a complete section. `watch` is called after every evaluated
 /// place.
+///
+/// # Errors
+/// See [`FitError`].
 pub fn fit_surface(
     start: &SurfaceSpec,
     data: &[PairValue],

@@ -95,14 +95,26 @@ pub struct Results<T> {
 
 /// Why a measurement failed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what is wrong
 pub enum MeasureError {
+    /// Too few paths for a standard error.
     #[error("{0} paths per pair give no standard error; expected at least 2")]
     TooFewPaths(u64),
+    /// Rows that the list of directions does not have.
     #[error("rows {}..{} of a list of {count}; expected rows within 0..{count}", rows.start, rows.end)]
-    NoSuchRows { rows: Range<usize>, count: usize },
+    NoSuchRows {
+        /// The rows asked for.
+        rows: Range<usize>,
+        /// How many rows the list has.
+        count: usize,
+    },
+    /// Extinctions exceeded their bounds, so the values would be biased.
     #[error("{violations} of {lookups} look-ups exceeded their majorant; values would be biased")]
-    MajorantViolations { violations: u64, lookups: u64 },
+    MajorantViolations {
+        /// Number of violations.
+        violations: u64,
+        /// Number of look-ups.
+        lookups: u64,
+    },
     /// Estimates that are not finite; leaving them out would bias the mean.
     #[error("{0} estimates were not finite")]
     NotFinite(u64),
@@ -139,6 +151,9 @@ const DIRECTION_STREAMS: u64 = 1 << 63;
 
 /// Measures the BSDF at pairs. `watch` is called with the number of paths of a piece of the work,
 /// before it, from any thread.
+///
+/// # Errors
+/// See [`MeasureError`].
 pub fn measure_pairs(
     patch: &impl PatchResponse,
     pairs: &[Pair],
@@ -165,6 +180,9 @@ pub fn measure_pair_rows(
 }
 
 /// Measures pairs, each with the random numbers of a stream; the first has `first_stream`.
+///
+/// # Errors
+/// See [`MeasureError`].
 pub(crate) fn gather_pairs(
     patch: &impl PatchResponse,
     pairs: &[Pair],
@@ -221,6 +239,9 @@ pub(crate) fn gather_pairs(
 }
 
 /// Measures the shares of the light from each direction.
+///
+/// # Errors
+/// See [`MeasureError`].
 pub fn measure_albedos(
     patch: &impl PatchResponse,
     incident: &[Angles],
@@ -300,6 +321,9 @@ fn rows_of<T>(list: &[T], rows: Range<usize>) -> Result<(&[T], u64), MeasureErro
 
 /// The openness of the cloth, with its standard error: the share of light along the normal that
 /// meets nothing. The cover factor is one minus the openness.
+///
+/// # Errors
+/// See [`MeasureError`].
 pub fn measure_openness(
     patch: &impl PatchResponse,
     effort: &Effort,
@@ -335,6 +359,7 @@ const ENOUGH_PATHS: u64 = 256;
 #[derive(Clone)]
 struct Sums<const N: usize> {
     moments: [[Moments; 3]; N],
+    /// The largest values.
     largest: [[f64; 3]; N],
     stats: Stats,
 }

@@ -292,6 +292,9 @@ const KLEMS_STREAMS: u64 = 1 << 60;
 
 /// Measures all four matrices with `paths` paths of light from every patch and
 /// side. Each path serves all exitant directions at once.
+///
+/// # Errors
+/// See [`MeasureError`].
 pub fn measure_klems(
     patch: &impl PatchResponse,
     basis: KlemsBasis,

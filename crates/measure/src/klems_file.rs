@@ -12,27 +12,37 @@ use std::fmt::Write;
 
 /// Why a file holds no usable BSDF.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what is wrong
 pub enum KlemsFileError {
     /// The file is not XML, or elements are missing.
     #[error("{0}")]
     Syntax(String),
+    /// The basis is none of the three.
     #[error("the angle basis `{0}` is unknown; expected LBNL/Klems Full, Half or Quarter{1}")]
     Basis(String, String),
+    /// Rows and columns are exchanged, or the data is a tensor tree.
     #[error("the data is structured as `{0}`; expected `Columns`")]
     Structure(String),
+    /// Wrong number of values.
     #[error("{name}: found {found} values; expected {expected}")]
     Count {
+        /// Name of the matrix.
         name: String,
+        /// Number of values in the file.
         found: usize,
+        /// Number of values of the basis.
         expected: usize,
     },
+    /// A value is not a number, or is negative.
     #[error("{name}: value {index}: expected a number of at least 0, found `{found}`")]
     Number {
+        /// Name of the matrix.
         name: String,
+        /// Index of the value, from 1.
         index: usize,
+        /// The text of the file.
         found: String,
     },
+    /// A matrix is missing.
     #[error("there is no `{0}` of visible light or colour")]
     Missing(&'static str),
 }
@@ -347,6 +357,9 @@ pub struct KlemsParts {
 
 /// Reads a file. If transmission from the back is missing, it follows from that of the front by
 /// reciprocity; reflection must be given for both sides.
+///
+/// # Errors
+/// See [`KlemsFileError`].
 pub fn read_klems(text: &str) -> Result<KlemsBsdf, KlemsFileError> {
     let parts = read_klems_parts(text, KlemsBand::Visible)?;
     let n = parts.basis.len();

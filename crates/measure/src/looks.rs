@@ -34,6 +34,9 @@ const MAX_AT_ONCE: u64 = 1 << 15;
 
 /// Traces `paths` paths through every texel, rows of the largest y first. `watch` is called
 /// with the number of finished paths, from any thread.
+///
+/// # Errors
+/// See [`MeasureError`].
 pub fn gather_looks(
     patch: &impl PatchResponse,
     grid: &TexelGrid,

@@ -63,24 +63,39 @@ pub struct PairsError {
 
 /// The kinds of mistakes.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what is wrong
 pub enum PairsErrorKind {
+    /// The header lacks a column.
     #[error("the header has no column `{column}`; expected {expected}{}", hint(.nearest))]
     MissingColumn {
+        /// Its name.
         column: &'static str,
+        /// The required columns.
         expected: String,
+        /// The present column that is nearest to it.
         nearest: Option<String>,
     },
+    /// A column appears twice.
     #[error("the column `{0}` appears twice in the header")]
     RepeatedColumn(&'static str),
+    /// A line that ends early.
     #[error("the line has {found} fields; expected {expected} as in the header")]
-    Fields { found: usize, expected: usize },
+    Fields {
+        /// Fields of the line.
+        found: usize,
+        /// Fields of the header.
+        expected: usize,
+    },
+    /// A field is not a number, or is out of range.
     #[error("{column}: expected {expected}, found `{found}`")]
     Number {
+        /// Name of the column.
         column: &'static str,
+        /// The valid range in words.
         expected: &'static str,
+        /// What stands there.
         found: String,
     },
+    /// The file has at most a header.
     #[error("the file lists no directions")]
     Empty,
 }
@@ -101,6 +116,9 @@ const MIN_COSINE: f64 = 1e-4;
 /// can be read as a list of pairs. Blank lines and lines that begin with `#` are ignored as
 /// well. Fields may be in quotes. theta runs from 0 to 180: light and eye may be on either
 /// side.
+///
+/// # Errors
+/// The first mistake, with line and column.
 pub fn parse_pairs(text: &str) -> Result<Vec<Pair>, PairsError> {
     parse(text, ["theta_i", "phi_i", "theta_o", "phi_o"], |v| {
         Pair::new(Angles::new(v[0], v[1]), Angles::new(v[2], v[3]))
@@ -109,6 +127,9 @@ pub fn parse_pairs(text: &str) -> Result<Vec<Pair>, PairsError> {
 
 /// The incident directions of a file, which needs no exitant directions: each once, in the
 /// order of their first appearance.
+///
+/// # Errors
+/// As [`parse_pairs`].
 pub fn parse_incident(text: &str) -> Result<Vec<Angles>, PairsError> {
     let all = parse(text, ["theta_i", "phi_i"], |v| Angles::new(v[0], v[1]))?;
     Ok(distinct_incident(all))
@@ -116,6 +137,9 @@ pub fn parse_incident(text: &str) -> Result<Vec<Angles>, PairsError> {
 
 /// Measured values of a table as [`write_pairs`](crate::write_pairs) writes it;
 /// without the columns of standard errors they are zero.
+///
+/// # Errors
+/// See [`PairsError`].
 pub fn parse_values(text: &str) -> Result<Vec<PairValue>, PairsError> {
     let value = |v: [f64; 7], se: [f64; 3]| PairValue {
         pair: Pair::new(Angles::new(v[0], v[1]), Angles::new(v[2], v[3])),

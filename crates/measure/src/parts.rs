@@ -7,6 +7,9 @@ use rayon::prelude::*;
 
 /// Measures so many parts, each with its counts, in any order; returns them in order, with the sum of
 /// the counts.
+///
+/// # Errors
+/// See [`MeasureError`].
 pub fn measure_parts<T: Send>(
     count: usize,
     measure: impl Fn(usize) -> Result<(T, Stats), Stopped> + Sync,

@@ -74,6 +74,9 @@ const STEPS: u32 = 12;
 
 /// Alternates searches for the colour and for the width. `simulate` returns the statistics of
 /// the picture with a colour and a width.
+///
+/// # Errors
+/// Those of `simulate`.
 pub fn match_picture<E>(
     target: &PictureStatistics,
     search: &PictureSearch,
@@ -122,6 +125,9 @@ pub fn match_picture<E>(
 /// wanted value in each channel; `value` increases with the colour of its own channel alone. The
 /// search ends where `is_near` accepts each value beside the wanted one, or after 13 simulations.
 /// Returns the last colour and what was simulated with it.
+///
+/// # Errors
+/// Those of `simulate`.
 pub fn match_colour<T, E>(
     wanted: [f64; 3],
     (ranges, start): ([[f64; 2]; 3], [f64; 3]),

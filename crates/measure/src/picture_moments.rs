@@ -160,6 +160,7 @@ impl Sums {
     }
 }
 
+/// Sums of each block.
 #[derive(Clone, Debug, Default)]
 struct Blocks([Sums; BLOCKS * BLOCKS]);
 

@@ -64,6 +64,7 @@ fn lamps(count: u32) -> Vec<Angles> {
     (0..count).map(lamp).collect()
 }
 
+/// The terms of the polynomial.
 fn terms(lamp: &Angles) -> Vector6<f64> {
     let DVec2 { x: u, y: v } =
         DVec2::from_angle(lamp.phi_deg.to_radians()) * lamp.theta_deg.to_radians().sin();
@@ -99,6 +100,9 @@ pub fn memory_bytes(texels: UVec2) -> u64 {
 /// Measures a map of the reflection that a viewer on the normal sees, lamp after lamp, and fits
 /// the polynomials by least squares. `watch` gets the number of paths
 /// traced since its last call.
+///
+/// # Errors
+/// See [`MeasureError`].
 ///
 /// # Panics
 /// With fewer lamps than [`LEAST_LAMPS`].

@@ -40,6 +40,9 @@ impl Steps {
 }
 
 /// Writes a map, which programs for reflectance transformation imaging open.
+///
+/// # Errors
+/// Those of the writer.
 pub fn write_polynomial_map(map: &PolynomialMap, mut out: impl Write) -> Result<()> {
     let steps: [Steps; TERMS] = std::array::from_fn(|term| Steps::of(map, term));
     let line = |words: [String; TERMS]| words.join(" ");

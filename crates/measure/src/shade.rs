@@ -69,6 +69,9 @@ const SHADE_STREAMS: u64 = 1 << 59;
 /// Measures where light goes that arrives on the face, then on the back: of a beam along the
 /// normal and, second, of evenly diffuse light. The beam's directions fill a cone evenly, up to a
 /// square of the sine of `beam_sin_squared`; `seen` is what counts of a colour.
+///
+/// # Errors
+/// See [`MeasureError`].
 pub fn measure_sides(
     patch: &impl PatchResponse,
     beam_sin_squared: f32,
@@ -126,6 +129,9 @@ pub fn measure_sides(
 
 /// Measures a shade in the band in which the patch is seen, light on the face first. Of three
 /// channels the luminance counts.
+///
+/// # Errors
+/// See [`MeasureError`].
 pub fn measure_shade(
     patch: &impl PatchResponse,
     effort: &Effort,

@@ -34,6 +34,7 @@ pub struct Sharpened {
     pub misfit: f64,
 }
 
+/// A square matrix.
 pub(crate) struct Square {
     pub(crate) n: usize,
     /// Row by row.

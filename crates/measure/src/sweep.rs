@@ -56,6 +56,9 @@ pub fn lamp_positions(step_deg: f64) -> Vec<LampPosition> {
 
 /// Measures the mean intensity at each lamp position. The lamp is a line that emits like a
 /// diffuse cylinder.
+///
+/// # Errors
+/// See [`MeasureError`].
 pub fn measure_sweep(
     patch: &impl PatchResponse,
     lamps: &[LampPosition],

@@ -4,6 +4,9 @@ use crate::{Albedo, Angles, LampAxis, Measured, PairValue, SweepValue};
 use std::io::{Result, Write};
 
 /// Writes pairs with value and standard error per channel, 1/sr.
+///
+/// # Errors
+/// Those of the writer.
 pub fn write_pairs(list: &[PairValue], out: &mut (impl Write + ?Sized)) -> Result<()> {
     let mut table = csv::Writer::from_writer(out);
     table.write_record([
@@ -18,6 +21,9 @@ pub fn write_pairs(list: &[PairValue], out: &mut (impl Write + ?Sized)) -> Resul
 
 /// Writes incident directions with reflectance, scattered transmittance, direct
 /// transmittance and absorptance: value and standard error per channel each.
+///
+/// # Errors
+/// Those of the writer.
 pub fn write_albedos(list: &[Albedo], out: &mut (impl Write + ?Sized)) -> Result<()> {
     let mut table = csv::Writer::from_writer(out);
     let mut header = vec!["theta_i".to_owned(), "phi_i".to_owned()];
@@ -36,6 +42,9 @@ pub fn write_albedos(list: &[Albedo], out: &mut (impl Write + ?Sized)) -> Result
 }
 
 /// Writes mean intensities under a moving linear light.
+///
+/// # Errors
+/// Those of the writer.
 pub fn write_sweep(list: &[SweepValue], out: &mut (impl Write + ?Sized)) -> Result<()> {
     let mut table = csv::Writer::from_writer(out);
     table.write_record(["axis", "angle", "r", "g", "b", "se_r", "se_g", "se_b"])?;

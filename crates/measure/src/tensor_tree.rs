@@ -202,6 +202,9 @@ impl TensorTree {
 const TREE_STREAMS: u64 = 1 << 61;
 
 /// Measures all four matrices with `paths` paths of light from every incident cell and side.
+///
+/// # Errors
+/// See [`MeasureError`].
 pub fn measure_tensor_tree(
     patch: &impl PatchResponse,
     layout: TreeLayout,

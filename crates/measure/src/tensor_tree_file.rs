@@ -21,6 +21,7 @@ const BANDS: [&str; 3] = ["Visible", "CIE-u", "CIE-v"];
 /// blocks.
 const NOISE_ALLOWANCE: f64 = 2.0;
 
+/// A block of cells.
 enum TreeBlock {
     /// A single cell, or cells that are joined: their mean.
     Joined(DVec3),
@@ -37,6 +38,7 @@ struct Level {
     variance: f64,
 }
 
+/// One matrix as a tree.
 struct Matrix<'a> {
     layout: TreeLayout,
     cells: &'a [TreeCell],
@@ -147,6 +149,7 @@ impl Matrix<'_> {
     }
 }
 
+/// A colour in a band of the file.
 fn value(rgb: DVec3, band: usize) -> f64 {
     let xyz = (XYZ_FROM_RGB * rgb).max(DVec3::ZERO);
     // Black is written as neutral.
@@ -163,6 +166,9 @@ fn value(rgb: DVec3, band: usize) -> f64 {
 /// are joined whose standard deviation is at most this share of their mean, beside what the
 /// noise of the measurement explains. Returns the number of values written for every cell of
 /// the full tree, at most one.
+///
+/// # Errors
+/// Those of the writer.
 pub fn write_tensor_tree(
     tree: &TensorTree,
     name: &str,
@@ -224,6 +230,7 @@ pub fn write_tensor_tree(
     Ok(kept as f64 / cells_in_all.max(1) as f64)
 }
 
+/// One matrix in one band.
 fn write_band(
     xml: &mut Writer<&mut dyn Write>,
     (direction, kind): (&str, &str),

@@ -34,6 +34,9 @@ const TEXEL_STREAMS: u64 = 1 << 62;
 
 /// Measures a picture with `paths` paths per texel. `watch` is called with the number of finished
 /// paths, from any thread.
+///
+/// # Errors
+/// See [`MeasureError`].
 pub fn measure_texture(
     patch: &impl PatchResponse,
     pair: Pair,

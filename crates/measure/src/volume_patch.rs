@@ -92,6 +92,9 @@ impl VolumePatch {
 
     /// A patch of media without a scene. Media with several levels of detail show those for
     /// pixels of 1 mm.
+    ///
+    /// # Errors
+    /// As [`VolumePatch::new`].
     pub fn of_media(
         media: Vec<AnyMedium>,
         integrator: Integrator,

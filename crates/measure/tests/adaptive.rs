@@ -106,6 +106,7 @@ impl Table {
         part / all
     }
 
+    /// The BRDF in a channel.
     fn eval(&self, channel: usize, w_in: DVec3, w_out: DVec3, mistake: Mistake) -> f64 {
         let on_square = |w: DVec3| {
             let u = DVec2::new(
@@ -149,6 +150,7 @@ impl Table {
     }
 }
 
+/// Median and largest of numbers.
 fn median_and_largest(mut list: Vec<f64>) -> (f64, f64) {
     list.sort_by(f64::total_cmp);
     (list[list.len() / 2], list[list.len() - 1])

@@ -53,6 +53,9 @@ const CORNER: f32 = 1e-4;
 impl Mesh {
     /// A mesh of triangles. Normals that are zero are computed. `normals_at` names the shared
     /// corner that a computed normal is averaged over: three numbers per triangle.
+    ///
+    /// # Errors
+    /// When no face is left.
     pub fn new(triangles: Vec<[Vertex; 3]>, corners: &[[u32; 3]]) -> Result<Mesh, Error> {
         let mut repairs = Repairs::default();
         let mut kept = Vec::with_capacity(triangles.len());
@@ -120,6 +123,9 @@ impl Mesh {
 
     /// Moves points in the plane of the cloth: `shift_mm_at` gives, at a place of the fabric plane in
     /// mm, how far they go along weft and warp. Faces with a corner where it gives none are left out.
+    ///
+    /// # Errors
+    /// When no face is left.
     pub fn shift(&mut self, shift_mm_at: impl Fn(Vec2) -> Option<Vec2>) -> Result<(), Error> {
         let shifts = self.means_at_corners(|face, vertex| {
             let [weft, warp] = stretch(face)?;

@@ -73,6 +73,7 @@ pub fn read_obj(text: &[u8], placement: Placement, budget: &mut Budget) -> Resul
 struct Sizes {
     /// Positions, texture coordinates and normals.
     vectors: u64,
+    /// Corners of faces.
     corners: u64,
     /// Triangles that the faces are fanned into.
     triangles: u64,

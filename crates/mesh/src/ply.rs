@@ -19,6 +19,9 @@ const UV_NAMES: [[&str; 2]; 4] = [
 
 /// Reads a PLY file. Texture coordinates may belong to vertices or, in a list
 /// `texcoord`, to the corners of faces; polygons are fanned into triangles.
+///
+/// # Errors
+/// As [`read_obj`](crate::read_obj).
 pub fn read_ply(bytes: &[u8], placement: Placement, budget: &mut Budget) -> Result<Mesh, Error> {
     placement.check()?;
     let syntax = |what: String| Error::Syntax(format!("PLY: {what}"));

@@ -237,6 +237,7 @@ impl Field {
             .lerp(node(0, 1).lerp(node(1, 1), share.x), share.y)
     }
 
+    /// The place of thread coordinates.
     fn place(&self, thread: DVec2) -> DVec2 {
         let mean = self.middle + self.threads.inverse() * (thread - self.thread_at_middle);
         (0..4).fold(mean, |place, _| mean - self.moved_at(place))

@@ -82,6 +82,7 @@ impl Sum {
     }
 }
 
+/// The middles of the crossings of a photograph.
 struct Middles {
     first: [i64; 2],
     count: [usize; 2],

@@ -180,6 +180,7 @@ fn write_channels(
     written.map_err(|e| PictureError::write("EXR", e))
 }
 
+/// The exact sums of a film.
 fn sum_channels(sums: &str, film: &Film) -> impl Iterator<Item = AnyChannel<FlatSamples>> {
     let pixels = film.pixels();
     let mut words: [Vec<u32>; Pixel::WORDS] =
@@ -196,6 +197,9 @@ fn sum_channels(sums: &str, film: &Film) -> impl Iterator<Item = AnyChannel<Flat
 }
 
 /// Writes colours alone.
+///
+/// # Errors
+/// The sink fails.
 pub fn write_colours(picture: &Picture, out: &mut dyn WriteSeek) -> Result<(), PictureError> {
     let channel = |name: &str, of: fn(&Rgb) -> f32| {
         let samples = picture.pixels.iter().map(of).collect();
@@ -305,6 +309,9 @@ impl StoredRender {
 }
 
 /// Everything that `organza render` wrote to a file.
+///
+/// # Errors
+/// As [`read_film`].
 pub fn read_render(bytes: &[u8], max_memory_bytes: u64) -> Result<StoredRender, PictureError> {
     read(bytes, max_memory_bytes, true)
 }

@@ -32,6 +32,9 @@ fn write(rendered: &Rendered<'_>, out: &mut dyn WriteSeek) -> Result<(), Picture
 }
 
 /// Writes linear colours as a display shows them.
+///
+/// # Errors
+/// The sink fails.
 pub fn write_colours(
     picture: &Picture,
     display: &Display,
@@ -41,6 +44,9 @@ pub fn write_colours(
 }
 
 /// Writes linear display values, which are clamped to 0 to 1, in rows from the top.
+///
+/// # Errors
+/// The sink fails.
 pub fn write_shown(
     size: UVec2,
     pixels: impl Iterator<Item = [f32; 3]>,
@@ -61,6 +67,9 @@ pub fn write_shown(
 }
 
 /// Writes 8-bit sRGB, three bytes a pixel in rows from the top.
+///
+/// # Errors
+/// The sink fails.
 pub fn write_rgb8(size: UVec2, rgb: &[u8], out: &mut dyn WriteSeek) -> Result<(), PictureError> {
     encode(size, BitDepth::Eight, rgb, out)
 }

@@ -8,6 +8,9 @@ use pyo3::types::{PyByteArray, PyTuple};
 pub type Buffer<'py> = (&'static str, Bound<'py, PyTuple>, Bound<'py, PyByteArray>);
 
 /// An array as a buffer.
+///
+/// # Errors
+/// Those of the interpreter: no memory.
 pub fn buffer<'py>(py: Python<'py>, array: &Array) -> PyResult<Buffer<'py>> {
     let shape = PyTuple::new(py, &array.shape)?;
     let (name, bytes) = match &array.numbers {

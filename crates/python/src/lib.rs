@@ -34,6 +34,9 @@ pub extern "C" fn PyInit__native() -> *mut PyObject {
 }
 
 /// An empty module for the interpreter to import.
+///
+/// # Errors
+/// Those of the interpreter.
 #[allow(unsafe_code)]
 fn empty_module(py: Python<'_>) -> PyResult<Bound<'_, PyModule>> {
     // The interpreter keeps the definition, so it must live as long as the process.

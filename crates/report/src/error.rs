@@ -41,6 +41,7 @@ pub enum ReportError {
 }
 
 impl ReportError {
+    /// A file is wrong.
     pub(crate) fn of_file(path: impl AsRef<Path>, message: impl Display) -> ReportError {
         ReportError::Input(InputError::of_file(path, message))
     }

@@ -37,6 +37,7 @@ impl KeyEntry {
     }
 }
 
+/// The text of a table.
 fn text_of(out: csv::Writer<Vec<u8>>) -> Result<String, ReportError> {
     let bytes = out
         .into_inner()

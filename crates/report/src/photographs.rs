@@ -48,6 +48,9 @@ struct Side<'a> {
 
 impl PhotographFit {
     /// The page: one self-contained HTML file.
+    ///
+    /// # Errors
+    /// A picture that cannot be encoded.
     pub fn html(&self) -> Result<String, ReportError> {
         let side = |s: &'_ FittedSide| -> Result<Vec<Thumbnail>, ReportError> {
             let gain = s.folded.exposure();

@@ -51,6 +51,7 @@ impl Picture {
     }
 }
 
+/// A picture on a page.
 pub(crate) struct Thumbnail {
     /// Alternative text.
     pub alt: String,
@@ -60,6 +61,9 @@ pub(crate) struct Thumbnail {
 
 impl Thumbnail {
     /// A thumbnail of 8-bit RGB, whose caption describes it.
+    ///
+    /// # Errors
+    /// A picture that cannot be encoded.
     pub(crate) fn new(
         caption: impl Into<String>,
         rgb: &[u8],

@@ -102,6 +102,9 @@ fn parse_pixel_mm(text: &str) -> Result<f64, String> {
 impl Bench {
     /// Measures, and writes into the folder [`Bench::outfile`] as results arrive: a bench that was
     /// stopped resumes there. Returns the recommendations.
+    ///
+    /// # Errors
+    /// Wrong input, a render that fails, or a stop.
     pub fn run(&self, context: &Context) -> Result<Vec<String>, Error> {
         self.check()?;
         Job::run(self, context, bench)

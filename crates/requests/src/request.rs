@@ -115,6 +115,9 @@ impl Stated {
     }
 
     /// Checks the request, does its work and writes its output.
+    ///
+    /// # Errors
+    /// Those of the request.
     pub fn run(&self, context: &Context) -> Result<Box<dyn Output>, Error> {
         self.work.run(&self.context(context))
     }

@@ -205,6 +205,9 @@ impl Woven {
     }
 
     /// The drawdown as text.
+    ///
+    /// # Errors
+    /// There is no draft.
     pub fn drawdown(&self) -> Result<String, Error> {
         let draft = self.draft();
         let no_draft = || of_file(&self.request.draft, "has no draft to show");

@@ -5,19 +5,24 @@ use organza_basis::OverBudget;
 /// Failures of reading and of processing a scan.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-#[allow(missing_docs)] // the messages say what is wrong
 pub enum ScanError {
     /// Reading bytes failed.
     #[error("{0}")]
     Io(#[from] std::io::Error),
+    /// The file does not follow its format, or holds what cannot be used.
     #[error("not a usable {format} file: {problem}")]
     Format {
+        /// The format, for example "TIFF".
         format: &'static str,
+        /// What is wrong, and where.
         problem: String,
     },
+    /// A file of a stack is at fault.
     #[error("{name}: {problem}")]
     InStack {
+        /// Name of the file.
         name: String,
+        /// What is wrong with it.
         problem: Box<ScanError>,
     },
     /// More memory is needed than allowed.
@@ -38,6 +43,7 @@ pub enum ScanError {
 }
 
 impl ScanError {
+    /// A format error.
     pub(crate) fn format(format: &'static str, problem: impl Into<String>) -> ScanError {
         ScanError::Format {
             format,

@@ -215,6 +215,9 @@ impl ScannedField {
 
     /// The octree of the field; `levels`, `max_memory_bytes` and errors as in
     /// [`octree_of_mixtures`].
+    ///
+    /// # Errors
+    /// Those of [`octree_of_mixtures`].
     pub fn octree(
         &self,
         levels: Option<u8>,

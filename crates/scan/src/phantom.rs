@@ -176,6 +176,9 @@ impl Phantom {
 
 /// Writes grey values as the pages of a TIFF of 8 bits, packed; values are rounded and limited to
 /// 0 to 255.
+///
+/// # Errors
+/// Those of the slices and of writing.
 pub fn write_tiff(slices: &mut dyn Slices, out: impl Write + Seek) -> Result<(), ScanError> {
     let failed = |e: TiffError| match e {
         TiffError::IoError(e) => ScanError::Io(e),

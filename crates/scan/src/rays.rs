@@ -42,6 +42,7 @@ const LEAST_FREE: usize = 4;
 /// median.
 const ROUND: f32 = 0.6;
 
+/// One cross-section.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FibreSection {
     /// Half the width of the fibre, mm.
@@ -93,6 +94,7 @@ pub(crate) struct Rays<'a> {
     threshold: f32,
     /// Twice the difference of threshold and air.
     contrast: f32,
+    /// Deviation of the noise.
     noise: f32,
     /// Distance at which the noise of two values hardly depends on each other, in the least
     /// edges of a voxel.
@@ -141,6 +143,7 @@ impl<'a> Rays<'a> {
         self.steps = self.steps.min(steps.max(4));
     }
 
+    /// The end of a ray.
     fn end(&self, from: Vec3, direction: Vec3, values: &Values<'_>) -> End {
         let end = |length_mm, is_outline| End {
             length_mm,

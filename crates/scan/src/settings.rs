@@ -65,6 +65,9 @@ impl ScanSettings {
     }
 
     /// Refuses settings that no scan can be made with.
+    ///
+    /// # Errors
+    /// Names the setting.
     pub fn check(&self) -> Result<(), ScanError> {
         let fail = |why: String| Err(ScanError::Settings(why));
         let v = self.voxel_mm;

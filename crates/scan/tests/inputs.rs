@@ -369,6 +369,7 @@ fn vti_files_that_cannot_be_used_say_why() {
     }
 }
 
+/// A slice as PNG.
 fn png(slice: usize, sample: SampleType, colour: png::ColorType, size: (u32, u32)) -> Vec<u8> {
     let mut file = Vec::new();
     let mut encoder = png::Encoder::new(&mut file, size.0, size.1);

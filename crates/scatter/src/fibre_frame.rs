@@ -40,6 +40,7 @@ impl FibreFrame {
         }
     }
 
+    /// The same for lanes.
     pub(crate) fn lanes(&self) -> Frame<f32> {
         Frame {
             tangent: V3::splat(self.tangent),

@@ -33,6 +33,7 @@ pub(crate) struct LobeTable {
 struct Row {
     /// Of the last lobe, as in the table.
     rest: Vec4,
+    /// Probability of each lobe.
     lobes: Vec4,
 }
 
@@ -167,6 +168,7 @@ impl LobeTable {
     }
 }
 
+/// The cosine of a row.
 pub(crate) fn row_cosine(i: usize) -> f32 {
     i as f32 / (ROWS - 1) as f32
 }

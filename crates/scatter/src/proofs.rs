@@ -141,6 +141,9 @@ impl Proof<'_> {
 
     /// Proves a flake distribution: the area it shows, the normals it draws, the
     /// phase function, reciprocity, and hard directions.
+    ///
+    /// # Errors
+    /// The first flaw found.
     pub fn flakes(&self, flakes: &impl MicroFlake) -> Result<(), Flaw> {
         let grid = SphereGrid::new(self.pole, 20, 24).admitting(1e-4 + self.floor);
         let mut rng = PathRng::from_seed(self.seed);
@@ -200,6 +203,9 @@ impl Proof<'_> {
     }
 
     /// Proves a lobe for one `w_out`: density, weights, energy, hard directions.
+    ///
+    /// # Errors
+    /// The first flaw found.
     pub fn lobe(&self, lobe: &impl Lobe, w_out: Vec3) -> Result<(), Flaw> {
         let albedo = self.part_of_lobe(lobe, w_out)?;
         hold(albedo <= 1.005, || {
@@ -209,6 +215,9 @@ impl Proof<'_> {
 
     /// The same of a lobe that is chosen among others and keeps energy only
     /// together with them. Answers with its integral.
+    ///
+    /// # Errors
+    /// The first flaw found.
     pub fn part_of_lobe(&self, lobe: &impl Lobe, w_out: Vec3) -> Result<f64, Flaw> {
         let mut rng = PathRng::from_seed(self.seed);
         let say = format!("{}, w_out {w_out}, seed {}", self.name, self.seed);
@@ -260,6 +269,9 @@ impl Proof<'_> {
     }
 
     /// Proves that hard pairs of directions have finite, non-negative answers.
+    ///
+    /// # Errors
+    /// The first flaw found.
     pub fn finite(&self, lobe: &impl Lobe, w_out: Vec3, rng: &mut PathRng) -> Result<(), Flaw> {
         let say = format!("{}, {w_out}", self.name);
         let opposite = [-w_out, w_out];

@@ -66,6 +66,7 @@ const MIN_LIGHT: f32 = 1e-20;
 /// A density over the sine of the angle around a cone, constant in each sector.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AroundCone {
+    /// Density in each sector.
     densities: [f32; SECTORS],
 }
 

@@ -67,6 +67,9 @@ macro_rules! surface_models {
             }
 
             /// The surface of a cloth.
+            ///
+            /// # Errors
+            /// As [`SurfaceKind::of_cloth`].
             pub fn of_cloth(&self, cloth: &Cloth) -> Result<ClothSurface, Error> {
                 match self { $(SurfaceTable::$variant(spec) => spec.of_cloth(cloth),)* }
             }

@@ -42,6 +42,7 @@ impl Fibres {
         self.albedo
     }
 
+    /// The half that an angle lies in.
     #[inline]
     fn half(&self, angle: f32) -> usize {
         usize::from(angle >= 0.5 * (self.low + self.high))
@@ -57,6 +58,7 @@ impl Fibres {
         (angle, half)
     }
 
+    /// Density of an angle and of the sine around its cone.
     #[inline]
     fn density(&self, angle: f32, sin: f32) -> f32 {
         let half = self.half(angle);
@@ -128,6 +130,7 @@ impl YarnSegment<f32> {
         }
     }
 
+    /// The cone of the fibre at an angle.
     #[inline]
     fn cone(&self, fibres: &Fibres, angle: f32, w_out: Vector) -> Cone {
         let (drawn, fixed) = (angle.sin_cos_acute(), (fibres.sin, fibres.cos));

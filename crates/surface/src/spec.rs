@@ -245,6 +245,9 @@ impl SurfaceSpec {
     }
 
     /// The same with the values of the preset for omitted keys.
+    ///
+    /// # Errors
+    /// When the preset has no such name.
     pub fn resolved(self) -> Result<SurfaceSpec, Error> {
         let base = match &self.preset {
             Some(name) => SurfaceSpec::preset(name)?,
@@ -296,6 +299,9 @@ impl SurfaceSpec {
     }
 
     /// The model that it describes.
+    ///
+    /// # Errors
+    /// As [`parameters`](Self::parameters) and [`WovenSurface::new`].
     pub fn build(self) -> Result<WovenSurface, Error> {
         WovenSurface::new(&self.parameters()?)
     }

@@ -19,24 +19,32 @@ const PROBE_BYTES: u64 = 4 << 30;
 
 /// Why a scene is left to the general walk.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what is wrong
 pub enum KernelRefusal {
+    /// Not one medium but none or several.
     #[error("the scene has {0} media; the kernel walks through one")]
     MediumCount(usize),
+    /// Explicit fibres, and other media beside them.
     #[error("explicit fibres and other media are mixed; the kernel walks through one kind")]
     MixedMedia,
+    /// A medium of other than micro-flakes or virtual fibres.
     #[error("the medium is neither micro-flakes about fibre axes nor virtual fibres")]
     NotFlakes,
+    /// Samples are to be clamped.
     #[error("clamping needs the general walk")]
     Clamp,
+    /// Exact stepping was asked for.
     #[error("exact stepping was asked for; the kernel tracks")]
     Integrator,
+    /// Interpolated samples, or grids of different resolutions.
     #[error("a grid is not constant within voxels")]
     Interpolated,
+    /// Fibres with a surface, asked to be laid out as matter that has none.
     #[error("virtual fibres are packed; they are laid out with the events of explicit fibres")]
     Packed,
+    /// Several representations, on a graphics card.
     #[error("the cloth shows several representations; engines for the processor take them")]
     Levels,
+    /// Tables of local visibility.
     #[error("virtual fibres have tables of local visibility")]
     LocalVisibility,
     /// What the kernel itself refuses.

@@ -173,6 +173,7 @@ fn apply(document: &mut Document, edit: &Edit) -> Outcome {
     }
 }
 
+/// A fabric that is to be changed.
 fn changed_fabric(document: &mut Document, number: usize) -> Outcome<&mut FabricDocument> {
     let count = document.fabrics.len();
     let fabric = document.fabrics.get_mut(number);

@@ -25,6 +25,9 @@ pub enum Refusal {
 
 impl Guard {
     /// The guard of a port, with a new secret of 128 bits from the system.
+    ///
+    /// # Errors
+    /// The system has no random numbers.
     pub fn new(port: u16) -> Result<Guard, String> {
         let mut secret = [0; 16];
         getrandom::fill(&mut secret).map_err(|e| format!("no random numbers: {e}"))?;
@@ -49,6 +52,9 @@ impl Guard {
     }
 
     /// The part of a path that follows the secret, if host, origin and secret are right.
+    ///
+    /// # Errors
+    /// What is not right.
     pub fn check<'a>(&self, headers: &HeaderMap, path: &'a str) -> Result<&'a str, Refusal> {
         let is_own = |host: &str| self.hosts.iter().any(|own| own == host);
         // A request has one host; of several, one may be meant for somebody else.

@@ -14,6 +14,7 @@ const MAX_CHARS: usize = 4096;
 /// Words of a list at most.
 const MAX_WORDS: usize = 8;
 
+/// What a key holds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Holds {
     /// A finite number.
@@ -207,6 +208,7 @@ fn described(holds: Holds) -> String {
     }
 }
 
+/// A value as TOML, if it is what a key holds.
 fn value_of(holds: Holds, value: &serde_json::Value) -> Option<Value> {
     let number = |value: &serde_json::Value| value.as_f64().filter(|x| x.is_finite()).map(rounded);
     let whole = |value: &serde_json::Value, least, most| {

@@ -39,6 +39,9 @@ pub struct Built(Vec<Matter>);
 impl Built {
     /// The newest scene, seen by the camera and under the lights of a document, if its
     /// matter is that of the document: perhaps at other levels than the camera needs.
+    ///
+    /// # Errors
+    /// Those of lights and camera.
     pub fn nearly(
         &mut self,
         document: &Document,
@@ -160,6 +163,7 @@ fn has_levels(object: &ObjectTable) -> bool {
     }
 }
 
+/// What the cloths of a scene are shown as.
 fn shown(document: &Document, loaded: &LoadedScene) -> Vec<Shown> {
     let one = |(object, table): (usize, &ObjectTable)| {
         let chosen = loaded.chosen.iter().find(|c| c.object == object);

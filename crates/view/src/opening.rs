@@ -159,6 +159,9 @@ pub fn of_dropped(
 }
 
 /// The document with another fabric in the place of one of its own.
+///
+/// # Errors
+/// There is no such fabric.
 pub fn with_fabric(
     document: &Document,
     fabric: usize,

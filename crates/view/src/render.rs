@@ -41,6 +41,9 @@ pub struct Limits {
 }
 
 /// Renders until the session ends. Files are saved through `write`.
+///
+/// # Errors
+/// Threads cannot be started.
 pub fn run(session: &Session, limits: &Limits, write: &WriteFiles) -> Result<(), String> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(limits.threads.unwrap_or(0))

@@ -55,6 +55,9 @@ pub fn listen(port: u16) -> std::io::Result<TcpListener> {
 }
 
 /// Serves until `is_over`.
+///
+/// # Errors
+/// The system has no resources for it.
 pub fn serve(
     listener: TcpListener,
     answering: Answering,

@@ -11,6 +11,9 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 const ROOM: usize = 1 << 16;
 
 /// Sends bytes as one connection, ends it, and returns what was answered.
+///
+/// # Errors
+/// The system has no resources for it.
 pub fn talk(answering: &Arc<Answering>, bytes: &[u8]) -> io::Result<Vec<u8>> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()

@@ -133,6 +133,9 @@ impl<'a> Tracing<'a> {
     }
 
     /// Learns what samples look up, if they do.
+    ///
+    /// # Errors
+    /// `watch` broke.
     pub fn learn(self, watch: &LearnWatch<'_>) -> Result<Tracing<'a>, Stop> {
         let Some(plan) = &self.to_learn else {
             return Ok(self);

@@ -278,6 +278,7 @@ fn floor(x: f32) -> i32 {
     towards_zero - i32::from(x < towards_zero as f32)
 }
 
+/// A block in the tile.
 struct Target<'a> {
     lattice: &'a Lattice,
     footprint: FibreFootprint,

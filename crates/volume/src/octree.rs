@@ -50,6 +50,7 @@ pub(crate) struct Group {
     pub material: u16,
 }
 
+/// One level of detail.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct OctreeLevel {
     /// Bricks along each axis.
@@ -58,6 +59,7 @@ pub(crate) struct OctreeLevel {
     pub brick_of: Vec<u32>,
     pub bricks: Vec<Brick>,
     pub records: Vec<StoredPopulation>,
+    /// Density of one length quantum.
     pub density_per_quantum: f32,
 }
 

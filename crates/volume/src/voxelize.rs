@@ -54,6 +54,9 @@ const BATCHES: usize = 4;
 const BLOCKS: usize = 16;
 
 /// Voxelizes all segments of a source: [`VoxelizePlan::new`] and [`VoxelizePlan::run`].
+///
+/// # Errors
+/// As those.
 pub fn voxelize(
     source: &dyn SegmentSource,
     options: &VoxelizeOptions,
@@ -91,6 +94,9 @@ impl<'a> VoxelizePlan<'a> {
 
     /// The same for a tile of equal parts, each of which is to be whole voxels of every level.
     /// Voxels outside the needed parts are incomplete or empty.
+    ///
+    /// # Errors
+    /// As [`VoxelizePlan::new`].
     pub fn of_parts(
         source: &'a dyn SegmentSource,
         parts: Parts,
@@ -195,6 +201,7 @@ fn run(
     Ok(octree)
 }
 
+/// All blocks of a tile.
 struct Tiled<'a> {
     lattice: &'a Lattice,
     footprint: FibreFootprint,

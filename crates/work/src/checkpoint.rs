@@ -33,6 +33,7 @@ struct Header {
     stats: Vec<u64>,
 }
 
+/// The record of a row of pixels.
 fn row_bytes(pixels: &[Pixel]) -> Vec<u8> {
     let words = pixels.iter().flat_map(Pixel::to_words);
     words.flat_map(u32::to_le_bytes).collect()
@@ -49,6 +50,9 @@ fn set_row(row: &mut [Pixel], bytes: &[u8]) -> bool {
 
 /// Saves a render; the file's former content stays until the new one is
 /// complete.
+///
+/// # Errors
+/// The file cannot be written.
 pub fn save(path: &Path, identity: &Identity, rendering: &Rendering<'_>) -> Result<()> {
     let header = serde_json::to_vec(&Header {
         identity: Identity {
@@ -162,6 +166,9 @@ fn describe_difference(
 
 /// Refuses a checkpoint of another picture before that one's scene is built: all
 /// but the scene and its engine is known by then.
+///
+/// # Errors
+/// As [`resume`].
 pub fn check(path: &Path, seed: u64, crop: Crop, samples: &Range<u64>) -> Result<()> {
     let header = Header::read(path, &mut Journal::read_only(path, &WORK)?)?;
     let here = Identity {

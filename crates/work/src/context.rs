@@ -180,12 +180,18 @@ impl Context {
     }
 
     /// The cache that is in use.
+    ///
+    /// # Errors
+    /// See [`result_cache::in_use`].
     pub fn result_cache(&self) -> Result<Option<organza_scene::ResultCache>> {
         result_cache::in_use(self.cache.as_deref())
     }
 
     /// Refuses early what could not be written in the end; what lies in a folder that is still to come
     /// is taken to be writable.
+    ///
+    /// # Errors
+    /// Those of [`output::check_writable`].
     pub fn check_writable(&self, path: &Path) -> Result<()> {
         let folder = output::folder_of(path);
         let comes = || {
@@ -200,6 +206,9 @@ impl Context {
     }
 
     /// Refuses outputs that are among the files read.
+    ///
+    /// # Errors
+    /// Names the file.
     pub fn check_outputs(&self, loader: &Loader<'_>) -> Result<()> {
         let read = loader.inputs();
         for path in &self.outputs {

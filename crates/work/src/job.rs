@@ -15,6 +15,9 @@ pub struct Job<R> {
 
 impl<R: Clone + Send + Sync> Job<R> {
     /// Runs work on a request, on the threads of the context.
+    ///
+    /// # Errors
+    /// Those of the work.
     pub fn run<T: Send>(
         request: &R,
         context: &Context,

@@ -217,6 +217,9 @@ impl<T: Record> Journal<T> {
     }
 
     /// Writes a whole journal.
+    ///
+    /// # Errors
+    /// Those of `out`.
     pub fn write(
         out: &mut dyn Write,
         work: &Work<'_>,
@@ -292,6 +295,9 @@ impl<T: Record> Journal<T> {
     }
 
     /// A record by its number; `None` when it is damaged or there is none.
+    ///
+    /// # Errors
+    /// The file cannot be read.
     pub fn read(&mut self, number: usize) -> Result<Option<T>> {
         let Some(place) = self.places.get(number) else {
             return Ok(None);

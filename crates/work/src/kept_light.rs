@@ -23,6 +23,9 @@ pub fn key(scene: &str, inputs: &[NamedDigest]) -> Key {
 }
 
 /// Writes light of a scene.
+///
+/// # Errors
+/// The file cannot be written.
 pub fn write(path: &Path, key: &Key, scene: &Path, light: &KeptLight) -> Result<()> {
     let about = Description {
         kind: "light".into(),

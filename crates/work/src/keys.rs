@@ -54,6 +54,7 @@ pub fn range<'de, D: Deserializer<'de>, N: Deserialize<'de> + PartialOrd + Displ
     }
 }
 
+/// A number or a text.
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "expected a number or a text")]
 enum NumberOrText {

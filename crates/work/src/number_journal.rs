@@ -45,6 +45,9 @@ pub struct NumberJournal {
 
 impl NumberJournal {
     /// Opens the journal of some work, or begins it. Without a path, nothing is stored.
+    ///
+    /// # Errors
+    /// See [`Journal::open`].
     pub fn open(path: Option<&Path>, work: &Work<'_>) -> Result<NumberJournal> {
         let mut known = HashMap::new();
         let Some(path) = path else {

@@ -35,6 +35,7 @@ fn write_temporary(
     Ok(temporary)
 }
 
+/// Gives a complete file its name.
 fn complete(temporary: NamedTempFile, path: &Path) -> Result<()> {
     let renamed = temporary.persist(path).map_err(|e| e.error);
     renamed
@@ -183,6 +184,9 @@ pub fn check_not_an_input(
 }
 
 /// Refuses two outputs of one run that are the same file.
+///
+/// # Errors
+/// Names the file.
 pub fn check_distinct(a: (&str, &Path), b: (&str, &Path)) -> Result<()> {
     match is_same_file(a.1, b.1) {
         true => Err(of_file(

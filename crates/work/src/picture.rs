@@ -24,6 +24,9 @@ pub fn format(path: &Path) -> Result<&'static Format> {
 }
 
 /// The same for formats that keep the sums from which parts are merged.
+///
+/// # Errors
+/// Another ending.
 pub fn format_of_parts(path: &Path) -> Result<&'static Format> {
     format_that(path, |f| f.writer.is_some() && f.keeps_sums)
 }
@@ -68,6 +71,9 @@ pub fn resolved(path: &Path, film: &Film, display: Display, context: &Context) -
 }
 
 /// Writes a render in the format of the path's ending.
+///
+/// # Errors
+/// The file cannot be written.
 pub fn write(path: &Path, rendered: &Rendered<'_>) -> Result<()> {
     let Some(writer) = format(path)?.writer else {
         return Err(of_file(
@@ -84,6 +90,9 @@ fn is_for_denoised(format: &Format) -> bool {
 }
 
 /// The files that [`write_denoised`] writes.
+///
+/// # Errors
+/// An ending of another format.
 pub fn files_of_denoised(path: &Path) -> Result<Vec<PathBuf>> {
     let format = format_that(path, is_for_denoised)?;
     let noisy = || path.with_extension(format!("noisy.{}", format.endings[0]));
@@ -121,12 +130,18 @@ pub fn write_denoised(
 }
 
 /// Writes colours alone, in rows from the top, as a linear EXR.
+///
+/// # Errors
+/// The file cannot be written.
 pub fn write_plain(path: &Path, size: UVec2, pixels: &[Rgb]) -> Result<()> {
     let picture = Picture::new(size, pixels.to_vec());
     write_with(path, |out| exr::write_colours(&picture, out))
 }
 
 /// Writes linear display values in rows from the top as PNG.
+///
+/// # Errors
+/// The file cannot be written.
 pub fn write_shown_png(path: &Path, size: UVec2, pixels: &[[f32; 3]], bits: PngBits) -> Result<()> {
     write_with(path, |out| {
         png::write_shown(size, pixels.iter().copied(), bits, out)
@@ -134,6 +149,9 @@ pub fn write_shown_png(path: &Path, size: UVec2, pixels: &[[f32; 3]], bits: PngB
 }
 
 /// Writes 8-bit RGB rows as PNG.
+///
+/// # Errors
+/// The file cannot be written.
 pub fn write_rgb_png(path: &Path, width: u32, height: u32, rgb: &[u8]) -> Result<()> {
     write_with(path, |out| {
         png::write_rgb8(UVec2::new(width, height), rgb, out)

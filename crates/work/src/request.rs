@@ -51,6 +51,9 @@ pub trait Request: Clone + DeserializeOwned + Send + Sync {
 
     /// Adapts to output at this path: the ending of a file decides what it must hold. Returns what
     /// will be written there, for [`Context::outputs`].
+    ///
+    /// # Errors
+    /// A name whose ending does not fit.
     fn adapt_to(&mut self, path: &Path) -> Result<Vec<PathBuf>, Error> {
         Ok(vec![path.to_owned()])
     }
@@ -84,15 +87,24 @@ pub trait Request: Clone + DeserializeOwned + Send + Sync {
     fn check(&self, context: &Context) -> anyhow::Result<()>;
 
     /// Does the work of a request that was checked.
+    ///
+    /// # Errors
+    /// Wrong input, work that fails, or a stop.
     fn work(job: &Job<Self>) -> anyhow::Result<Self::Output>;
 
     /// Checks the request and does its work, on the threads of the context.
+    ///
+    /// # Errors
+    /// Wrong input, work that fails, or a stop.
     fn run(&self, context: &Context) -> Result<Self::Output, Error> {
         self.check(context)?;
         Job::run(self, context, Self::work)
     }
 
     /// Reads a request from a table, whose keys are the fields of the request.
+    ///
+    /// # Errors
+    /// Names the key.
     fn from_table(table: toml::Table) -> Result<Self, Error> {
         let text = toml::to_string(&table).map_err(anyhow::Error::from)?;
         // As a text, mistakes have keys.
@@ -110,6 +122,9 @@ pub trait Request: Clone + DeserializeOwned + Send + Sync {
 /// What a request found.
 pub trait Output {
     /// Its numbers as arrays, its figures, and its files in memory.
+    ///
+    /// # Errors
+    /// A file that cannot be encoded.
     fn results(&self) -> Result<Results, Error>;
 
     /// Why it is less than what was asked for, such as an interrupt; it can be written still.

@@ -45,6 +45,7 @@ pub fn to_look_at(named_place: Option<&OsStr>) -> Result<Cache> {
     named(source, &place)?.ok_or_else(|| wrong(source, "\"off\" names no cache; expected a folder"))
 }
 
+/// What names the cache, and its name.
 fn place(named_place: Option<&OsStr>) -> Option<(&'static str, OsString)> {
     let flag = named_place.map(|place| ("--cache", place.to_owned()));
     let variable = std::env::var_os(FOLDER).map(|place| (FOLDER, place));

@@ -70,6 +70,9 @@ impl std::fmt::Display for SampleRanges {
 }
 
 /// A range from "A..B".
+///
+/// # Errors
+/// Says what was expected.
 pub fn parse_range(text: &str) -> Result<Range<u64>, String> {
     let ends = text.split_once("..");
     let range = ends.and_then(|(a, b)| Some(a.trim().parse().ok()?..b.trim().parse().ok()?));

@@ -112,6 +112,9 @@ struct Pictures {
 }
 
 /// The material of a cloth, whose pictures are added to the file.
+///
+/// # Errors
+/// A texture that cannot be encoded.
 fn material(
     baked: &Baked<'_>,
     parts: &mut Parts,

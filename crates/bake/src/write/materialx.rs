@@ -70,7 +70,9 @@ impl Document {
     }
 }
 
+/// What an input is.
 enum Source<'a> {
+    /// A constant.
     Value(String),
     /// A node of the same graph.
     Node(&'a str),

@@ -64,6 +64,9 @@ pub type FolderFiles = (Vec<(String, Vec<u8>)>, Vec<(String, &'static str)>);
 
 /// All materials and textures of a cloth and its colourways, whose tiles have the same size and
 /// which have names and folders of their own; the first is shown.
+///
+/// # Errors
+/// See [`WriteError`].
 pub fn folder_files(colourways: &[Baked<'_>]) -> Result<FolderFiles, WriteError> {
     let mut files = vec![
         ("material.glb".to_owned(), write_glb(colourways)?),

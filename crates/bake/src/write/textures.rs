@@ -42,6 +42,7 @@ fn normal(value: Vec3) -> [u8; 3] {
     (0.5 * value + Vec3::splat(0.5)).to_array().map(byte)
 }
 
+/// What the values of a PNG are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Values {
     /// Colours, encoded as sRGB: the file says so by the chunk `sRGB`, and by `gAMA` for
@@ -88,6 +89,9 @@ fn png(
 /// The textures that materials beside them name: what was measured, which the materials
 /// multiply by constants. Only the roughness is that of a material, OpenPBR. `relief`: factor
 /// of the slopes of the second normal map, for programs that cannot scale one.
+///
+/// # Errors
+/// See [`png`].
 pub fn texture_files(
     maps: &Maps,
     parameters: &Parameters,
@@ -195,6 +199,9 @@ pub enum GltfTexture {
 
 /// The textures that a glTF material holds: several maps share the channels of one. Base colour
 /// and normal are pictures in any case, since importers look for them.
+///
+/// # Errors
+/// See [`png`].
 pub fn gltf_textures(
     maps: &Maps,
     surfaces: &[Surface],

@@ -2,6 +2,7 @@
 
 use super::{Baked, PATCH_MM, number, ratio};
 
+/// One texture of the material.
 struct Texture {
     name: &'static str,
     file: &'static str,
@@ -94,6 +95,7 @@ fn textures(baked: &Baked<'_>) -> [Texture; 5] {
     ]
 }
 
+/// An output of a shader of the material of this path.
 fn connection(path: &str, shader: &str, output: &str) -> String {
     format!("<{path}/{shader}.outputs:{output}>")
 }

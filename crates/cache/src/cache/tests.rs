@@ -9,6 +9,7 @@ fn about() -> Description {
     }
 }
 
+/// The cache of a folder that exists.
 fn cache(folder: &Path, limit_bytes: u64) -> Cache {
     let cache = Cache::new(folder, limit_bytes);
     cache.make().unwrap();

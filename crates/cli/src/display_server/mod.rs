@@ -31,6 +31,9 @@ pub struct Address(String);
 
 impl Address {
     /// Reads `HOST:PORT`; an IPv6 address stands in brackets.
+    ///
+    /// # Errors
+    /// Says what was expected.
     pub fn parse(text: &str) -> Result<Address, String> {
         let parts = text.rsplit_once(':');
         let is_host = |host: &str| match host.strip_prefix('[') {

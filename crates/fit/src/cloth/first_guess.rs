@@ -17,6 +17,9 @@ const BRIGHTEST: f64 = 0.85;
 /// Of threads of several widths, those whose pictures with white warp and with white weft explain
 /// most of the photographs, and the colours with which they do. The picture of any colours is taken
 /// for the sum of these two, which it nearly is. `start` is the answer if no yarn fits.
+///
+/// # Errors
+/// Those of the pictures.
 pub fn first_guess(
     search: &Search<'_>,
     start: (Trial, Vec<Placed>),

@@ -23,6 +23,9 @@ const REACH: f64 = 1.5;
 /// Finds colours with which the mean of the front is that of its photograph, both systems changed
 /// alike, by so many pictures; by none, they stay as they were recognised. What white is in the other photograph, as a share of that of the front, is found for each
 /// channel: its lamp and its exposure are others.
+///
+/// # Errors
+/// Those of the pictures.
 pub fn matched(
     search: &Search<'_>,
     start: (Trial, Vec<Placed>),

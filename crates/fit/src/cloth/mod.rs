@@ -246,6 +246,9 @@ struct Ready {
 }
 
 /// The photographs straightened, if their threads have fewer pixels.
+///
+/// # Errors
+/// They show no weave.
 fn straight(photographs: &Photographs, fine_px: f64) -> Result<Option<Ready>, PhotographError> {
     let all: Vec<&Photograph> = photographs.all().collect();
     // A photograph against the light may not show the weave.
@@ -260,6 +263,9 @@ fn straight(photographs: &Photographs, fine_px: f64) -> Result<Option<Ready>, Ph
 }
 
 /// The photographs as they are, where single threads can be seen and repeat, otherwise straightened.
+///
+/// # Errors
+/// They show no threads.
 fn ready(photographs: &Photographs) -> Result<Ready, PhotographError> {
     let fine = straight(photographs, FINE_PX);
     if let Ok(Some(ready)) = fine {
@@ -375,6 +381,7 @@ impl Ready {
     }
 }
 
+/// The target.
 pub(crate) static TARGET: crate::Target = crate::Target {
     name: "cloth",
     about: "Threads, draft, yarn counts, colours and roughness of a woven cloth, from photographs",

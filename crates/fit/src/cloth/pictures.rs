@@ -153,6 +153,7 @@ pub fn pictures(
 struct Frame {
     size_mm: DVec2,
     resolution: UVec2,
+    /// Paths in all.
     paths: f64,
 }
 

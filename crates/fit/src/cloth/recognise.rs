@@ -174,6 +174,9 @@ pub fn widest(
 }
 
 /// The likeness of one draft with yarns of some counts.
+///
+/// # Errors
+/// Those of the picture.
 pub fn look(
     model: &ClothModel<'_>,
     side: &Side,

@@ -64,6 +64,7 @@ pub struct Search<'a> {
     pub weights: Vec<[f64; 3]>,
 }
 
+/// The texels of one side.
 type Texels = Vec<[f64; 3]>;
 
 /// How light and view shade the pictures of a cloth, where they do.
@@ -88,6 +89,9 @@ impl<'a> Search<'a> {
     }
 
     /// Computed photographs.
+    ///
+    /// # Errors
+    /// As [`pictures`].
     pub fn render(&self, trial: &Trial, effort: Effort) -> Result<Vec<Computed>> {
         pictures(self.model, self.draft, trial, &self.sides, effort)
     }
@@ -206,6 +210,7 @@ impl<'a> Search<'a> {
         Ok(DMatrix::from_columns(&columns))
     }
 
+    /// The equations of the last cloths.
     fn equations(&self, slopes: &[DMatrix<f64>]) -> Equations {
         let places = PLACE_RANGES.into_iter().cycle();
         let ranges = self.unknowns.iter().map(|u| u.range()).chain(places);
@@ -244,6 +249,9 @@ impl<'a> Search<'a> {
     }
 
     /// The search. `step` is called after each cloth.
+    ///
+    /// # Errors
+    /// Those of the pictures.
     pub fn run(
         &mut self,
         start: Trial,

@@ -28,7 +28,9 @@ const NEAR: f64 = 0.04;
 /// What several cloths of the same values ask for, in units of the ranges.
 struct Round {
     asks: Vec<DVector<f64>>,
+    /// Their mean.
     asked: DVector<f64>,
+    /// Variances of the mean.
     variances: DVector<f64>,
 }
 
@@ -72,6 +74,9 @@ pub struct Settled {
 impl Settled {
     /// Rounds that begin with a trial in its places, until one changes nothing by more than noise.
     /// `step` is called after each cloth.
+    ///
+    /// # Errors
+    /// Those of the pictures.
     pub fn new(
         search: &Search<'_>,
         (trial, placed): (&mut Trial, &mut [Placed]),

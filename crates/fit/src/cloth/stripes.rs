@@ -13,6 +13,9 @@ const STREAM: u64 = 700;
 /// Colours of one repeat of the threads of warp and weft, from their light as shares of that of a trial's.
 /// Fibres shine whatever their colour, so that a share of the light is none of the colour: it is read off
 /// the light of cloths of several greys.
+///
+/// # Errors
+/// Those of the pictures.
 pub fn thread_colours(
     search: &Search<'_>,
     trial: &Trial,

@@ -33,6 +33,7 @@ const STEPS: u32 = 120;
 const OBSERVED: f64 = -1.0;
 const HELD_OUT: f64 = -2.0;
 
+/// The target.
 pub(crate) static TARGET: crate::Target = crate::Target {
     name: "plies",
     about: "The [plies] section: what fibres do not settle about plies, from explicit fibres, measured values, or a picture lit from the front and one lit from behind",

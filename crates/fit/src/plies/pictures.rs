@@ -77,6 +77,9 @@ impl Pictures {
     }
 
     /// The same of a patch.
+    ///
+    /// # Errors
+    /// Those of the measurement.
     pub fn simulate(&self, args: &FitJob, patch: &AnyPatch, part: Part) -> Result<Vec<Value>> {
         let mut all = Vec::new();
         for side in &self.0 {

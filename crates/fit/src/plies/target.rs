@@ -117,6 +117,9 @@ impl Target {
 
     /// The [numbers](Target::numbers) of a patch: of the representation that plies are fitted
     /// to, with more paths.
+    ///
+    /// # Errors
+    /// Those of the measurement.
     pub fn measured(&self, args: &FitJob, patch: &AnyPatch) -> Result<Vec<f64>> {
         let mut numbers = Vec::new();
         if let Target::Lists(lists) = self {
@@ -151,6 +154,9 @@ impl Target {
     }
 
     /// Of a file of measured values, of which one in four is held out.
+    ///
+    /// # Errors
+    /// Names the file.
     pub fn read(args: &FitJob, path: &Path) -> Result<Target> {
         let all = Observed::read(path, &args.context)?;
         let count = all.list().len();
@@ -180,6 +186,9 @@ impl Target {
     }
 
     /// The same of a patch.
+    ///
+    /// # Errors
+    /// Those of the measurement.
     pub fn simulate(&self, args: &FitJob, patch: &AnyPatch, part: Part) -> Result<Vec<Value>> {
         match self {
             Target::Lists(lists) => {

@@ -54,6 +54,7 @@ const EXPECTED: f64 = 1.5;
 /// value: where the sides do not tell them apart, they stay alike.
 const ALIKE: f64 = 2.0;
 
+/// The target.
 pub(crate) static TARGET: crate::Target = crate::Target {
     name: "shade",
     about: "The yarns of a shade before a window: openness, colours and brightness under the sun, from what a laboratory measured (.xml)",

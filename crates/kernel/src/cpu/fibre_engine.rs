@@ -24,6 +24,9 @@ pub struct FibreEngine {
 
 impl FibreEngine {
     /// An engine for a scene, with the instructions of a back end.
+    ///
+    /// # Errors
+    /// When the processor lacks them.
     pub fn new(scene: Arc<FibreScene>, backend: Backend) -> Result<FibreEngine, Refusal> {
         Refusal::without(backend)?;
         Ok(FibreEngine { scene, backend })

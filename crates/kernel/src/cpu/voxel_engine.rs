@@ -24,6 +24,9 @@ pub struct VoxelEngine {
 
 impl VoxelEngine {
     /// An engine for a scene, with the instructions of a back end.
+    ///
+    /// # Errors
+    /// When the processor lacks them.
     pub fn new(scene: Arc<FlatScene>, backend: Backend) -> Result<VoxelEngine, Refusal> {
         Refusal::without(backend)?;
         Ok(VoxelEngine { scene, backend })
@@ -45,6 +48,7 @@ impl Engine for VoxelEngine {
     }
 }
 
+/// A block to walk.
 struct Walk<'a, 'b, 'c> {
     scene: &'a FlatScene,
     block: &'b mut Block<'c>,

@@ -55,6 +55,9 @@ pub struct Passage {
 
 impl Body {
     /// Lays out one cloth, whose pieces are numbered from `first_piece` on.
+    ///
+    /// # Errors
+    /// See [`Unfit`].
     pub fn new(body: &FibreBody<'_>, first_piece: u32, max_bytes: u64) -> Result<Body, Unfit> {
         let (strands, reach) = (body.strands, body.reach);
         let bounds = reach.bounds_mm();

@@ -117,6 +117,9 @@ impl Reached {
 
 impl Cells {
     /// Sorts all pieces into cells. `max_bytes` bounds what these take at the peak.
+    ///
+    /// # Errors
+    /// See [`Unfit`].
     pub fn new(strands: Strands<'_>, placed: &Placed, max_bytes: u64) -> Result<Cells, Unfit> {
         let count = strands.joints.len();
         if count as u64 + u64::from(placed.first_piece) > MAX_PIECES {

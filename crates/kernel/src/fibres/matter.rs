@@ -31,6 +31,9 @@ pub struct FibreMatter {
 impl FibreMatter {
     /// Lays out one cloth or several, and planes. Everything takes at most `max_bytes`
     /// while it is laid out.
+    ///
+    /// # Errors
+    /// See [`Unfit`].
     pub fn new(
         bodies: &[FibreBody<'_>],
         planes: Vec<Plane>,
@@ -74,6 +77,9 @@ impl FibreMatter {
 
     /// Lays packed fibres out, which are met from the camera on. They take at most
     /// `max_bytes`.
+    ///
+    /// # Errors
+    /// See [`FibreMatter::with_packed`].
     pub fn of_packed(source: &impl PackedVoxels, max_bytes: u64) -> Result<FibreMatter, Refusal> {
         let grid = source.cell_grid();
         let none = FibreBody {

@@ -275,6 +275,7 @@ impl Walk<'_> {
         }
     }
 
+    /// The next path of a slot.
     fn begin(&self, paths: &mut Paths, slot: usize, work: &mut dyn Work, stats: &mut Stats) {
         paths.state[slot] = State::Idle;
         let Some(start) = work.begin(slot, stats) else {

@@ -39,6 +39,9 @@ pub fn middle_mm(matter: &FibreMatter) -> DVec3 {
 }
 
 /// Adds the numbers and tables of all bodies and planes of some matter.
+///
+/// # Errors
+/// See [`CellTables::add`].
 pub fn add_bodies<'a>(
     matter: &'a FibreMatter,
     middle_mm: DVec3,

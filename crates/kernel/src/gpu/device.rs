@@ -48,12 +48,18 @@ pub struct Device {
 
 impl Device {
     /// Opens the best adapter of this computer; `None` where there is none.
+    ///
+    /// # Errors
+    /// [`Refusal::Unopened`].
     pub fn open_best() -> Result<Option<Device>, Refusal> {
         adapters().first().map(Device::open).transpose()
     }
 
     /// Opens an adapter. Its limits on buffers are asked for, and nothing else beyond what
     /// every adapter has.
+    ///
+    /// # Errors
+    /// [`Refusal::Unopened`].
     pub fn open(adapter: &Adapter) -> Result<Device, Refusal> {
         let has = adapter.limits();
         let binding_bytes = has
@@ -136,6 +142,9 @@ impl Device {
     }
 
     /// Whether everything went well so far.
+    ///
+    /// # Errors
+    /// What went wrong first.
     pub fn check(&self) -> Result<(), Lost> {
         let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
         match &*failure {

@@ -154,6 +154,7 @@ impl GpuEngine {
         Ok((slots_per_pixel, found))
     }
 
+    /// Adds what was found to the pixels of a block.
     fn add(&self, block: &mut Block<'_>, slots_per_pixel: u32, found: &PassResult) {
         let (pixels, width) = (block.pixels.len(), block.width as usize);
         let rows = pixels / width;

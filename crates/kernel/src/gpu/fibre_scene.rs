@@ -36,6 +36,9 @@ const PACKED_PARTS: [&str; 3] = [
 ];
 
 /// The program of a scene.
+///
+/// # Errors
+/// A scene that it does not support.
 pub fn program_scene(scene: &Arc<FibreScene>) -> Result<ProgramScene<'_>, Refusal> {
     let matter = &scene.matter;
     let packed = matter.packed.as_ref();

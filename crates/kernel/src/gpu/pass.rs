@@ -88,6 +88,9 @@ pub struct Division {
 
 impl Session {
     /// Sends a scene, whose tables are split so, to a device.
+    ///
+    /// # Errors
+    /// The device does not take it.
     pub fn new(
         device: Device,
         scene: &ProgramScene<'_>,
@@ -177,6 +180,9 @@ impl Session {
     }
 
     /// Takes all samples of a pass; `numbers` says which, but for lanes and steps.
+    ///
+    /// # Errors
+    /// The device was lost.
     pub fn take(&mut self, mut numbers: PassNumbers) -> Result<PassResult, Lost> {
         self.make_sums(numbers.slots);
         numbers.bright_room = BRIGHT_ROOM;

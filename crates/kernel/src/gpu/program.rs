@@ -124,6 +124,9 @@ pub struct Program {
 
 impl Program {
     /// Compiles a source that reads so many buffers of tables.
+    ///
+    /// # Errors
+    /// The device does not take it.
     pub fn new(device: &Device, source: String, table_buffers: u32) -> Result<Program, Lost> {
         let entry = |binding: u32| BindGroupLayoutEntry {
             binding,
@@ -173,6 +176,9 @@ impl Program {
 
 /// Whether a source is valid for every adapter: without numbers of 64 bits, atomic numbers
 /// with a point, or operations of subgroups.
+///
+/// # Errors
+/// Where it is not.
 pub fn check_source(source: &str) -> Result<(), String> {
     use wgpu::naga::valid::{Capabilities, ValidationFlags, Validator};
     let module = wgpu::naga::front::wgsl::parse_str(source);

@@ -15,6 +15,7 @@ pub fn encoded(axis: Vec3, bits: u32) -> u32 {
     code(on_octahedron.x).min(most) << bits | code(on_octahedron.y).min(most)
 }
 
+/// The code of the coordinate zero.
 fn zero(bits: u32) -> f32 {
     ((1u32 << (bits - 1)) - 1) as f32
 }

@@ -24,6 +24,7 @@ pub struct FlightCounts {
     pub violations: u64,
 }
 
+/// The rays in all lanes.
 struct Lanes<F: Floats> {
     rng: LaneRng<F::Ints>,
     at: V3<F>,
@@ -40,6 +41,7 @@ struct Lanes<F: Floats> {
     place: F::Ints,
     offset: F,
     flying: F::Mask,
+    /// Lanes with shadow rays.
     shadows: u32,
 }
 

@@ -225,6 +225,7 @@ pub fn lamp_places(image: &ImageEnvironment, texels: &[Texel]) -> Option<(Vec<u3
     Some((places, count as u32))
 }
 
+/// The middle of what texels shine.
 fn middle(texels: &[Texel]) -> Vec3 {
     let flux: f64 = texels.iter().map(|t| t.flux).sum();
     let mean = texels.iter().map(|t| (t.flux / flux) as f32 * t.toward);

@@ -39,6 +39,7 @@ struct Assignment {
     direct: Tally,
 }
 
+/// A pixel.
 #[derive(Clone, Copy)]
 struct PixelPlace {
     /// Its number in the block.
@@ -149,6 +150,7 @@ struct Names {
     at: [[f32; MAX_LANES]; 2],
 }
 
+/// Begins paths in the lanes of a mask.
 #[inline(always)]
 fn begin<F: Floats>(scene: &FlatScene, paths: &mut Paths<F>, names: &Names, begun: F::Mask) {
     let [low, high] = &names.key;

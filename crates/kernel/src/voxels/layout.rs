@@ -272,6 +272,7 @@ fn most(a: f32, &b: &f32) -> f32 {
     a.max(b)
 }
 
+/// One layer of voxels.
 struct Slice {
     counts: Vec<u8>,
     populations: Vec<Population>,

@@ -18,6 +18,7 @@ pub struct LoneFlakes<F: Floats> {
     mask: F::Mask,
 }
 
+/// The flakes of one lane.
 #[derive(Clone, Copy)]
 struct Met {
     population: FlakePopulation,

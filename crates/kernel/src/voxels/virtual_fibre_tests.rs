@@ -32,6 +32,7 @@ fn fibres() -> Vec<Fibre> {
     ]
 }
 
+/// The numbers of one path.
 fn numbers(seed: u32) -> LaneRng<one::U> {
     let (a, b) = pixel_key(3, u64::from(seed));
     LaneRng::new((one::U::splat(a), one::U::splat(b)), one::U::splat(seed))
@@ -172,6 +173,7 @@ fn lanes_scatter_as_the_scalar_lobes_do() {
     }
 }
 
+/// Moments of what is drawn.
 fn drawn_moments(w: Vec3, weight: Vec3, t: Vec3, into: &mut [Moments; 8]) {
     let along = t.dot(w);
     let values = [

@@ -80,6 +80,9 @@ struct GrowthPoint {
 
 impl BenchReport<'_> {
     /// The page: one self-contained HTML file.
+    ///
+    /// # Errors
+    /// A picture that cannot be encoded.
     pub fn html(&self) -> Result<String, ReportError> {
         let bench = self.bench;
         let names: Vec<&str> = bench

@@ -6,6 +6,7 @@ use organza_scene::read;
 use serde::Deserialize;
 use std::path::Path;
 
+/// A file of pictures.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PeerFile {
@@ -62,6 +63,7 @@ impl Peer {
         Ok(file.pictures)
     }
 
+    /// Its picture.
     pub(super) fn picture(&self) -> NoisyPicture {
         NoisyPicture {
             mean: self.mean.clone(),

@@ -174,6 +174,7 @@ fn point(grows: Size, size: f64, figures: &Figures) -> Point {
 const RESOLUTION: u32 = 32;
 const PIXEL_MM: f64 = 0.1;
 
+/// A render at one step, and the size there.
 fn trial(
     laboratory: &Laboratory<'_>,
     sample: &Sample,

@@ -84,6 +84,9 @@ impl SampleSource {
     }
 
     /// The fabric; a built-in fabric is written to `folder`.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     pub fn sample(self, write_file: WriteFile<'_>, folder: &Path) -> Result<Sample, ReportError> {
         match self {
             SampleSource::Carried(name, text) => {
@@ -124,6 +127,9 @@ fn radiance(lit: Lit) -> Vec<Rgb> {
 }
 
 /// Writes the rooms that scenes in a folder show.
+///
+/// # Errors
+/// A file that cannot be written.
 pub fn write_rooms(write_file: WriteFile<'_>, folder: &Path) -> Result<(), ReportError> {
     for lit in Lit::ALL {
         let picture = Picture::new(ROOM, radiance(lit));

@@ -35,6 +35,7 @@ pub(super) enum Outcome {
     Refused(String),
 }
 
+/// What to render.
 pub(super) struct Trial {
     /// Base name of its files.
     pub name: String,
@@ -60,6 +61,9 @@ pub struct Program {
 
 impl Program {
     /// The program that runs.
+    ///
+    /// # Errors
+    /// When it cannot find its own file.
     pub fn this() -> Result<Program, ReportError> {
         let path = std::env::current_exe().map_err(unreadable)?;
         let code = path.clone();
@@ -117,6 +121,10 @@ impl<'a> Laboratory<'a> {
         })
     }
 
+    /// Writes a file of the bench.
+    ///
+    /// # Errors
+    /// Names the file.
     pub(super) fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), ReportError> {
         (self.write_file)(path, bytes).map_err(ReportError::Write)
     }

@@ -68,6 +68,9 @@ pub struct ComparisonPlan {
 
 impl ComparisonPlan {
     /// Measures a model. `watch` is called with the number of finished paths, from any thread.
+    ///
+    /// # Errors
+    /// See [`organza_measure::MeasureError`].
     pub fn measure(
         &self,
         model: &str,

@@ -55,6 +55,9 @@ struct CheckRow<'a> {
 
 impl Comparison {
     /// The page: one self-contained HTML file.
+    ///
+    /// # Errors
+    /// A picture that cannot be encoded.
     pub fn html(&self) -> Result<String, ReportError> {
         let page = Page {
             title: &self.name,

@@ -46,6 +46,7 @@ impl Ranged for LinearAxis {
 pub(crate) struct LogAxis {
     /// The unit, written at the end of a horizontal axis.
     pub title: &'static str,
+    /// The format of its numbers.
     pub number: fn(f64) -> String,
     /// The smallest value that is distinguished from zero.
     pub least: f64,

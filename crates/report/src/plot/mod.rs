@@ -50,6 +50,7 @@ fn paint([r, g, b]: [u8; 3]) -> RGBColor {
     RGBColor(r, g, b)
 }
 
+/// Pixels of the plot as pixels of the canvas.
 fn fine(pixels: f64) -> i32 {
     (pixels * f64::from(FINE)).round() as i32
 }

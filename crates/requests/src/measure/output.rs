@@ -16,6 +16,9 @@ pub trait Values: Send + Sync {
     fn results(&self, paths: u64) -> Results;
 
     /// Writes a file of an ending other than `.json`.
+    ///
+    /// # Errors
+    /// The output fails.
     fn write(&self, ending: &str, out: &mut dyn SeekWrite) -> Result<()>;
 
     /// All of them as JSON.

@@ -43,6 +43,9 @@ pub(crate) static GRID: Layout = Layout {
 };
 
 /// Measures pairs.
+///
+/// # Errors
+/// Those of the measurement.
 pub fn measure_pairs(m: &Measuring<'_>, pairs: &[Pair], rows: Range<usize>) -> Result<Found> {
     let patch = m.patch();
     let mut result = measure_pair_rows(patch, pairs, rows, &m.effort, m.watch)?;
@@ -56,6 +59,9 @@ pub fn measure_pairs(m: &Measuring<'_>, pairs: &[Pair], rows: Range<usize>) -> R
 }
 
 /// Measures where the light of single directions goes.
+///
+/// # Errors
+/// Those of the measurement.
 pub fn measure_albedos(m: &Measuring<'_>, list: &[Angles], rows: Range<usize>) -> Result<Found> {
     let patch = m.patch();
     let mut result = measure_albedo_rows(patch, list, rows, &m.effort, m.watch)?;

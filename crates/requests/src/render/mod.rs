@@ -238,6 +238,9 @@ impl Request for Render {
 
 impl Render {
     /// Width and height of the picture, pixels, once the scene was read and checked; nothing is built.
+    ///
+    /// # Errors
+    /// What is wrong with the scene.
     pub fn resolution(&self, context: &Context) -> Result<[u32; 2], Error> {
         Job::run(self, context, |job| {
             let made = made_scene::in_studio(job)?;

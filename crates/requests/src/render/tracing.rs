@@ -11,6 +11,9 @@ use std::time::Instant;
 
 /// Takes samples until the schedule or the user says stop, and shows them on the way. A checkpoint that
 /// cannot be saved on the way is reported and tried again at the next time.
+///
+/// # Errors
+/// Those of the paths.
 pub fn trace<'a>(
     args: &RenderJob,
     identity: &Identity,

@@ -98,6 +98,9 @@ pub trait Slices: Send {
     fn shape(&self) -> Shape;
 
     /// Reads a slice below `shape().dims.z`, row by row, into [`Shape::slice_len`] values.
+    ///
+    /// # Errors
+    /// Files that end too early or cannot be decoded.
     fn read(&mut self, slice: u32, out: &mut [f32]) -> Result<(), ScanError>;
 }
 

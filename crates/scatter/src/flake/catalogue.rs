@@ -16,6 +16,7 @@ use std::sync::Arc;
 pub(super) struct FlakeRecord {
     /// Its name in the key `flake`.
     pub name: &'static str,
+    /// What it is, in one line.
     pub about: &'static str,
     /// How populations scatter, given the optics of each material: all that the general walk
     /// and the kernel need.

@@ -9,6 +9,7 @@ use organza_basis::{PathRng, Rgb};
 
 /// How the normals of flakes lie about fibres, for every end-on ratio.
 pub(super) trait Distribution: Send + Sync {
+    /// The flakes of a population.
     type Flakes: MicroFlake;
 
     /// Whether they are [`AxialFlake`]s.
@@ -21,6 +22,7 @@ pub(super) trait Distribution: Send + Sync {
     fn area(&self, axis: Vec3, end_on: f32, w: Vec3) -> f32;
 }
 
+/// As the normals of an ellipsoid.
 pub(super) struct Ellipsoids;
 
 impl Distribution for Ellipsoids {
@@ -37,6 +39,7 @@ impl Distribution for Ellipsoids {
     }
 }
 
+/// With a band profile.
 pub(super) struct Bands<P> {
     /// Profiles of end-on ratios whose roots are in even steps from zero to one, and one over
     /// the areas that they show across the axis.
@@ -81,6 +84,7 @@ impl<P: BandProfile + Copy + Send + Sync> Distribution for Bands<P> {
     }
 }
 
+/// Mirrors.
 pub(super) struct Mirrors<D>(pub D);
 
 impl<D: Distribution> FlakeScattering for Mirrors<D> {
@@ -108,6 +112,7 @@ impl<D: Distribution> FlakeScattering for Mirrors<D> {
     }
 }
 
+/// Diffuse flakes.
 pub(super) struct Diffuse<D>(pub D);
 
 impl<D: Distribution> FlakeScattering for Diffuse<D> {

@@ -44,6 +44,7 @@ type Along = [f32; NODES];
 /// Probabilities of hats over [`TURNS`].
 type About = [f32; TURNS];
 
+/// The tables.
 #[derive(Clone, Debug)]
 pub(super) struct Body {
     cells: Vec<Cell>,
@@ -55,6 +56,7 @@ pub(super) struct Body {
 
 #[derive(Clone, Debug, Default)]
 struct Cell {
+    /// Walks.
     count: f32,
     /// Scattered once and gone, mean of the channels, and each of them.
     once: f32,
@@ -194,6 +196,7 @@ impl Body {
     }
 }
 
+/// The cell of an optical depth.
 fn depth_cell(depth: f32) -> usize {
     ((1.0 - (-depth).exp()) * DEPTHS as f32).clamp(0.0, (DEPTHS - 1) as f32) as usize
 }
@@ -335,6 +338,7 @@ struct Exit {
     azimuth_rad: f32,
     /// Of the direction about the normal of the place.
     turn_rad: f32,
+    /// Of the inclination.
     sin: f32,
 }
 

@@ -142,6 +142,7 @@ fn limits(list: &[(f64, f64)]) -> [f64; 2] {
     [low.max(high - WIDEST), high]
 }
 
+/// The byte of a value.
 fn byte(value: f64, low: f64, high: f64) -> u8 {
     if !(value > 0.5 * low.exp()) {
         return 0;

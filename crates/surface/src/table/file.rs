@@ -43,20 +43,26 @@ pub const MAX_FILE_BYTES: u64 = {
 
 /// What is wrong with a file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what is wrong
 pub enum TableFileError {
+    /// It is no such file.
     #[error("is not a table of organza: its first bytes are wrong")]
     Magic,
+    /// A version that this program does not know.
     #[error("is a table of version {0}; this program reads version {VERSION}")]
     Version(u32),
+    /// It ends too early, or goes on too long.
     #[error("has a wrong length: {0}")]
     Length(&'static str),
+    /// It was altered.
     #[error("is damaged: its checksum does not match")]
     Checksum,
+    /// The description is not JSON.
     #[error("has a description that is not JSON: {0}")]
     About(String),
+    /// Rings that are none.
     #[error("has rings of nodes that are none")]
     Rings,
+    /// Numbers that are no table.
     #[error("is no table: {0}")]
     Table(#[from] NoTable),
 }
@@ -138,6 +144,9 @@ pub fn sealed(mut content: Vec<u8>) -> Vec<u8> {
 }
 
 /// A table and its description.
+///
+/// # Errors
+/// Says what is wrong with the bytes.
 pub fn read_table(bytes: &[u8]) -> Result<(FarTable, serde_json::Value), TableFileError> {
     if !is_table(bytes) {
         return Err(TableFileError::Magic);

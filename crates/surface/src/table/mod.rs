@@ -87,14 +87,21 @@ pub struct TableParts {
 
 /// Why parts are not a table.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what is wrong
 pub enum NoTable {
+    /// Lists of other lengths than the nodes ask for.
     #[error("its lists do not fit its nodes")]
     Lengths,
+    /// A number that is negative, not finite or too large.
     #[error("{0} is out of range")]
     Number(&'static str),
+    /// A row that gives back more light than arrives.
     #[error("its node {node} gives back {share:.4} of the light that it receives")]
-    Energy { node: usize, share: f64 },
+    Energy {
+        /// The node.
+        node: usize,
+        /// Scattered and direct share, largest channel.
+        share: f64,
+    },
 }
 
 /// More than one by so much is rounding.

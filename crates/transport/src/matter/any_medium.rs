@@ -32,6 +32,7 @@ pub enum AnyMedium {
 }
 
 impl AnyMedium {
+    /// What a ray meets.
     pub(crate) fn target(&self) -> &dyn RayTarget {
         match self {
             AnyMedium::Grid(m) => m,

@@ -36,20 +36,34 @@ use std::sync::{Arc, OnceLock};
 
 /// Why fibres cannot be traced.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what is wrong
 pub enum ExplicitFibresError {
+    /// No segment that is finite and has a radius.
     #[error("the cloth has no fibres to trace")]
     Empty,
+    /// The box of the tile.
     #[error("the tile is not a finite box")]
     Tile,
+    /// A material without scattering.
     #[error("{materials} materials of fibres, but scattering for {fibres}")]
-    Materials { materials: usize, fibres: usize },
+    Materials {
+        /// Materials of the source.
+        materials: usize,
+        /// Fibres given.
+        fibres: usize,
+    },
+    /// More pieces than can be counted.
     #[error("{0} pieces of fibre are more than a tile can hold: use a smaller tile")]
     TooMany(u64),
+    /// More memory is needed than allowed.
     #[error(
         "explicit fibres need about {needed} bytes of memory, {allowed} are allowed: use a smaller tile or allow more"
     )]
-    Memory { needed: u64, allowed: u64 },
+    Memory {
+        /// Estimated need at its peak, bytes.
+        needed: u64,
+        /// The limit, bytes.
+        allowed: u64,
+    },
     /// Whoever watched the work stopped it.
     #[error("{0}")]
     Stopped(#[from] Stopped),
@@ -134,6 +148,9 @@ impl ExplicitFibres {
 
     /// The same fibres with other scattering, as many materials as before: they share
     /// their cells with these ones.
+    ///
+    /// # Errors
+    /// When one has no scattering.
     pub fn with_scattering(
         &self,
         fibres: Vec<Fibre>,
@@ -168,6 +185,9 @@ impl ExplicitFibres {
 
     /// These fibres alone in cells, which are made once, for all that share them; the
     /// first one's `max_bytes` counts.
+    ///
+    /// # Errors
+    /// See [`Unfit`].
     pub(crate) fn alone_in_cells(&self, max_bytes: u64) -> Result<FibreMatter, Unfit> {
         if let Some(matter) = self.in_cells.get() {
             return Ok(matter.with_fibres(&self.fibres));
@@ -214,6 +234,9 @@ impl ExplicitFibres {
 
     /// Checks that the cells, which the general walk lays out when it first asks for them,
     /// will fit into `allowed` bytes together with the fibres.
+    ///
+    /// # Errors
+    /// [`ExplicitFibresError::Memory`].
     pub fn check_walk(&self, allowed: u64) -> Result<(), ExplicitFibresError> {
         let needed = self.walk_bytes();
         if needed > allowed {

@@ -66,30 +66,48 @@ impl<const N: usize> Grid<N> {
 
 /// Grids that make no medium.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what is wrong
 pub enum GridMediumError {
+    /// The box has no volume or is not finite.
     #[error("the grid's bounding box {0:?} has no volume")]
     Box(Aabb),
+    /// A matrix that no flakes have.
     #[error(
         "sggx: sample ({x}, {y}, {z}) has the eigenvalue {value}; expected none below zero: \
          areas are squares", x = .at.x, y = .at.y, z = .at.z
     )]
-    Indefinite { at: UVec3, value: f32 },
+    Indefinite {
+        /// Where.
+        at: UVec3,
+        /// The least eigenvalue.
+        value: f32,
+    },
+    /// An extinction that no medium has.
     #[error(
         "sample ({x}, {y}, {z}) blocks up to {value} per mm; the limit is {limit} per mm \
          (extinction times the root of the matrix's diagonal)", x = .at.x, y = .at.y, z = .at.z,
         limit = MAX_EXTINCTION_PER_MM
     )]
-    Extinction { at: UVec3, value: f32 },
+    Extinction {
+        /// Where.
+        at: UVec3,
+        /// What it may block.
+        value: f32,
+    },
+    /// A value that no medium has.
     #[error("{grid}: sample ({x}, {y}, {z}) is {value}; expected {expected}", x = .at.x, y = .at.y, z = .at.z)]
     Value {
+        /// Which grid.
         grid: &'static str,
+        /// Where.
         at: UVec3,
+        /// What is there.
         value: f32,
+        /// What may be there.
         expected: &'static str,
     },
 }
 
+/// The place of a sample by its index.
 fn place_of(dims: UVec3, index: usize) -> UVec3 {
     let (nx, ny) = (dims.x as usize, dims.y as usize);
     UVec3::from_array([index % nx, index / nx % ny, index / (nx * ny)].map(|i| i as u32))

@@ -44,6 +44,7 @@ impl HybridFibres {
         })
     }
 
+    /// The packed fibres.
     pub(crate) fn packed(&self) -> &VirtualFibreMedium {
         &self.packed
     }

@@ -77,6 +77,7 @@ impl LevelledCloth {
         })
     }
 
+    /// The number of representations.
     pub(crate) fn representation_count(&self) -> usize {
         self.steps.count()
     }

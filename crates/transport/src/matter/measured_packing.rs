@@ -94,6 +94,9 @@ type Tallies = Vec<[Tally; 3]>;
 ///
 /// The same seed gives the same factors, whatever the number of threads. `None` where
 /// the fibres have fewer materials than the octree, or there is no walk.
+///
+/// # Errors
+/// When `progress` broke.
 pub fn measure_packing(
     fibres: &ExplicitFibres,
     octree: &Arc<Octree>,

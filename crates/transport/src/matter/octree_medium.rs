@@ -26,7 +26,6 @@ pub struct OctreeLevel {
 
 /// What scatters light at the sites of an octree. Methods with a body are those of
 /// most; see [`Medium`] for what each of them means.
-#[allow(missing_docs)] // of what `Medium` describes
 pub trait Scatterer: Sync {
     /// What one look-up gives.
     type Site: Copy + Send;
@@ -42,14 +41,17 @@ pub trait Scatterer: Sync {
         None
     }
 
+    /// See [`Medium::is_piecewise_constant`].
     fn is_piecewise_constant(&self) -> bool {
         true
     }
 
+    /// See [`Medium::majorant_at`].
     fn majorant_at(&self, _p: Vec3) -> f32 {
         f32::INFINITY
     }
 
+    /// See [`Medium::meet`].
     fn meet(
         &self,
         level: &OctreeLevel,
@@ -60,22 +62,29 @@ pub trait Scatterer: Sync {
         self.site(level, level.cell_grid.cell(p))
     }
 
+    /// See [`Medium::draw_event`].
     fn draw_event(&self, site: Self::Site, _w_out: Vec3, _rng: &mut PathRng) -> Self::Site {
         site
     }
 
+    /// See [`Medium::exit_mm`].
     fn exit_mm(&self, _site: &Self::Site, _w_out: Vec3, _w_in: Vec3, _rng: &mut PathRng) -> Vec3 {
         Vec3::ZERO
     }
 
+    /// See [`Medium::sigma_t`].
     fn sigma_t(&self, site: &Self::Site, w: Vec3) -> f32;
 
+    /// See [`Medium::eval`].
     fn eval(&self, site: &Self::Site, w_out: Vec3, w_in: Vec3) -> Rgb;
 
+    /// See [`Medium::sample`].
     fn sample(&self, site: &Self::Site, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample>;
 
+    /// See [`Medium::pdf`].
     fn pdf(&self, site: &Self::Site, w_out: Vec3, w_in: Vec3) -> f32;
 
+    /// See [`Medium::local_visibility`].
     fn local_visibility(
         &self,
         _level: &OctreeLevel,
@@ -87,6 +96,7 @@ pub trait Scatterer: Sync {
         None
     }
 
+    /// See [`Medium::info`].
     fn info(&self, site: &Self::Site) -> SiteInfo;
 }
 

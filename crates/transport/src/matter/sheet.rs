@@ -6,6 +6,7 @@ use glam::Vec3;
 use organza_basis::{Frame, PathRng, Rgb};
 use organza_scatter::{Footprint, LobeSample, Surface};
 
+/// A collision with a sheet.
 #[derive(Clone, Copy)]
 pub(crate) struct SheetSite<'a> {
     pub surface: &'a dyn Surface,

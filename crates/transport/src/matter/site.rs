@@ -43,6 +43,7 @@ pub(crate) trait Site {
     }
 }
 
+/// A site of a medium, with the medium.
 pub(crate) struct MediumSite<'a, M: Medium> {
     pub medium: &'a M,
     pub site: M::Site,

@@ -225,6 +225,7 @@ impl VirtualFibres {
         self.voxels.places(cell_below(p) - self.pad)
     }
 
+    /// Populations of a site.
     fn populations(&self, site: &VirtualFibreSite) -> &[FibrePopulation] {
         let [start, end] = site.places;
         self.voxels.at(&(start..end))
@@ -257,6 +258,7 @@ impl VirtualFibres {
         &self.densest[place as usize]
     }
 
+    /// The fibre of a population.
     fn fibre(&self, met: &Met) -> &Fibre {
         &self.fibres[usize::from(met.population.material)]
     }

@@ -34,6 +34,7 @@ pub struct VoxelFibres {
     populations: Vec<FibrePopulation>,
 }
 
+/// What is in a layer of voxels.
 #[derive(Default)]
 struct Layer {
     /// Populations up to each voxel's last.

@@ -52,21 +52,30 @@ pub struct Pass {
 
 /// Why a render gave no picture.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say what is wrong
 pub enum RenderError {
+    /// The crop holds no pixel of the film.
     #[error("the crop {min} .. {max} holds no pixel of a {size} picture", min = .0.min, max = .0.max, size = .1)]
     EmptyCrop(Crop, UVec2),
+    /// Sums have room for a limited number of samples.
     #[error("samples {0:?}: a pixel can take sample indices below {limit}", limit = u32::MAX)]
     TooManySamples(Range<u64>),
+    /// What was gathered before does not belong to these settings.
     #[error("the film to resume from has another size or other samples")]
     ForeignFilm,
+    /// Extinctions above their bound: the picture would be biased.
     #[error(
         "{violations} of {lookups} look-ups exceeded their majorant; the picture would be biased"
     )]
-    MajorantViolations { violations: u64, lookups: u64 },
+    MajorantViolations {
+        /// How many.
+        violations: u64,
+        /// Out of how many.
+        lookups: u64,
+    },
     /// The device that traced the paths is gone.
     #[error(transparent)]
     Lost(#[from] Lost),
+    /// The progress callback asked to stop.
     #[error("interrupted")]
     Interrupted,
 }
@@ -131,6 +140,9 @@ impl<'a> Rendering<'a> {
     /// scene, seed and plan, on any number of threads. Nothing changes for an engine or a
     /// scene without one, such as the general walk. The error of the cache is in no pixel's
     /// variance; [`Rendering::cache`] has an estimate of it.
+    ///
+    /// # Errors
+    /// `watch` broke.
     pub fn with_cache(
         mut self,
         plan: &CachePlan,

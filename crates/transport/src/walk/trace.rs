@@ -141,6 +141,7 @@ fn find(sample: &mut PathSample, light: Rgb) {
     }
 }
 
+/// A scattering event of a walk.
 struct Event<'a> {
     at: DVec3,
     w_out: Vec3,

@@ -196,6 +196,7 @@ fn walked(scene: &Scene, settings: &RenderSettings) -> (Film, Stats) {
     taken(Rendering::new(scene, settings.clone()).unwrap(), settings)
 }
 
+/// The film of an engine, and its counts.
 fn film(scene: &Scene, settings: &RenderSettings, engine: impl Engine + 'static) -> (Film, Stats) {
     film_by(scene, settings, Box::new(engine))
 }

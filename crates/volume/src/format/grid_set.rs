@@ -68,6 +68,9 @@ impl GridSet {
     }
 
     /// Checks that every grid has its channels and that their boxes agree.
+    ///
+    /// # Errors
+    /// Names the grid.
     pub fn check(&self) -> Result<(), Error> {
         let bounds_mm = self.sigma_t.bounds_mm;
         let slack = 1e-4 * bounds_mm.size().max_element();

@@ -106,6 +106,7 @@ pub enum Volume {
     Grids(GridSet),
 }
 
+/// A box in a description.
 pub(crate) fn box_of(b: &Aabb) -> Value {
     json!({ "min_mm": b.min.to_array(), "max_mm": b.max.to_array() })
 }

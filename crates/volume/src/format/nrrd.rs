@@ -129,11 +129,13 @@ fn write_cells(voxels: &Voxels<'_>, out: &mut dyn Write) -> Result<(), Error> {
 struct Array {
     dims: UVec3,
     bounds_mm: Aabb,
+    /// Names of the channels.
     channels: Vec<String>,
     /// Channel fastest, then x, y, z.
     data: Vec<f32>,
 }
 
+/// Reads a file.
 fn read(bytes: &[u8], budget: &mut Budget) -> Result<Array, Error> {
     let header = Header::parse(bytes)?;
     let count = header.channels.len() as u64;
@@ -192,6 +194,7 @@ fn scalar_of(name: &str) -> Option<Scalar> {
     })
 }
 
+/// The contents of the header.
 struct Header {
     /// Bytes before the values.
     length: usize,

@@ -12,6 +12,9 @@ const PAGE: &str = include_str!("page.html");
 const DATA: &str = "/* the fabrics */ []";
 
 /// Writes `index.html` for what has been made of these fabrics.
+///
+/// # Errors
+/// The file cannot be written.
 pub fn write(folder: &Path, entries: &[Entry]) -> Result<()> {
     let cards: Vec<Value> = entries.iter().map(|e| card(folder, e)).collect();
     // No text may end the script.

@@ -43,6 +43,9 @@ const MORE: u32 = 3;
 const NAMES: u64 = 1 << 24;
 
 /// Learns a scene's cache.
+///
+/// # Errors
+/// `watch` broke.
 pub fn learn(
     scene: &FibreScene,
     plan: &CachePlan,
@@ -270,6 +273,7 @@ impl Paths<'_> {
     }
 }
 
+/// Light of all paths.
 #[derive(Clone, Copy, Default)]
 struct Light {
     sum: f64,
@@ -319,6 +323,7 @@ impl Go {
         Some((self.lights[path]?, notes))
     }
 
+    /// Of all notes.
     fn all_records(&self) -> Vec<Option<Record>> {
         let paths = (0..self.lights.len()).filter_map(|path| self.of_path(path));
         let all = paths.flat_map(|(light, notes)| {

@@ -157,6 +157,7 @@ pub enum Frame {
 /// What samples share at their first fibres.
 #[derive(Clone, Copy, Debug)]
 enum First {
+    /// Nothing.
     Alone,
     /// The light of a place in the tile.
     InTile,

@@ -45,6 +45,7 @@ pub struct Head {
 /// Most arrays of a file.
 const MAX_ARRAYS: usize = 1000;
 
+/// The attribute of an element.
 fn attribute(element: &BytesStart<'_>, key: &str) -> Result<Option<String>, ScanError> {
     let wrong = |e: &dyn std::fmt::Display| ScanError::format(FORMAT, e.to_string());
     for a in element.attributes() {
@@ -56,6 +57,7 @@ fn attribute(element: &BytesStart<'_>, key: &str) -> Result<Option<String>, Scan
     Ok(None)
 }
 
+/// Numbers of an attribute.
 fn numbers<T: std::str::FromStr, const N: usize>(
     key: &str,
     text: &str,

@@ -38,6 +38,7 @@ fn division(s: &Segment) -> u32 {
         .clamp(1.0, 65_536.0) as u32
 }
 
+/// Joints that a source needs.
 pub(crate) fn count_joints(source: &dyn SegmentSource) -> u64 {
     let in_batch = |batch| {
         let (mut joints, mut last) = (0u64, None);
@@ -77,6 +78,9 @@ impl Curves {
 
     /// All curves of a source; `None` where they have more joints than `most`. `done` is called
     /// after every finished batch.
+    ///
+    /// # Errors
+    /// When `done` broke.
     pub fn gather(
         source: &dyn SegmentSource,
         most: u64,

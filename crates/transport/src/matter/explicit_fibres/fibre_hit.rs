@@ -68,10 +68,12 @@ impl ExplicitFibres {
         &self.fibres
     }
 
+    /// The material of the fibre that is hit.
     pub(crate) fn material(&self, hit: &FibreHit) -> u16 {
         self.curves.curve_of(hit.piece).material
     }
 
+    /// What to show of a hit.
     pub(crate) fn info(&self, hit: &FibreHit) -> SiteInfo {
         SiteInfo::new(hit.tangent, Some(self.curves.curve_of(hit.piece).yarn))
     }

@@ -32,7 +32,9 @@ impl VirtualFibreSite {
 /// The fibre of a real collision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Met {
+    /// Its population.
     pub population: FibrePopulation,
+    /// Its unit tangent.
     pub tangent: Vec3,
     /// How, of a packed fibre.
     pub near: Option<NearEvent>,

@@ -65,6 +65,7 @@ pub fn read(bytes: &[u8], budget: &mut Budget) -> Result<File, Error> {
 pub(super) enum Problem {
     /// It is valid, but of a kind that is not supported.
     Unknown(String),
+    /// The file is damaged.
     Damage(String),
     /// It holds more than the budget allows.
     Budget(OverBudget),
