@@ -152,10 +152,7 @@ fn files(c: &mut Criterion) {
     group.bench_function(".ovox read", |b| {
         b.iter(|| ovox::read(&mut &bytes[..], &mut Budget::new(u64::MAX)))
     });
-    let optics = FlakeOptics {
-        albedo: organza_basis::Rgb::WHITE,
-        end_on_ratio: 0.1,
-    };
+    let optics = FlakeOptics::new(organza_basis::Rgb::WHITE, 0.1);
     let materials = FlakeMaterials::new(vec![optics; tree.material_count()]);
     let merge = |mixture: &Mixture| materials.merged(mixture);
     group.bench_function(".vdb grids and write", |b| {

@@ -30,10 +30,8 @@ fn read(folder: &Path, name: &str) -> Volume {
 /// The first cell and grid in which a file differs from the octree, of which every cell of the
 /// cloth is looked up; `shift` moves the cells of the octree by so many along x.
 fn difference(file: &GridSet, octree: &Octree, shift: u32) -> Option<String> {
-    let optics = |red, green, blue| FlakeOptics {
-        albedo: organza_basis::Rgb::new(red, green, blue),
-        end_on_ratio: 0.3,
-    };
+    let optics =
+        |red, green, blue| FlakeOptics::new(organza_basis::Rgb::new(red, green, blue), 0.3);
     let materials = FlakeMaterials::new(vec![optics(0.9, 0.7, 0.4), optics(0.2, 0.7, 0.8)]);
     let dims = octree.dims(0);
     if file.sigma_t.dims != dims {

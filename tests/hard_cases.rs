@@ -45,18 +45,8 @@ fn views() -> [(&'static str, Vec3, f64); 5] {
 /// The furnace, or light from where it is hardest: straight from behind what
 /// is looked at, grazing, along the fibres in a voxel plane.
 fn lights(view: Vec3, is_furnace: bool) -> Vec<Light> {
-    let constant = |hemisphere| {
-        Light::from(EnvironmentLight {
-            radiance: Rgb::WHITE,
-            hemisphere,
-        })
-    };
-    let directional = |direction| {
-        Light::from(DirectionalLight {
-            direction,
-            irradiance: Rgb::WHITE,
-        })
-    };
+    let constant = |hemisphere| Light::from(EnvironmentLight::new(Rgb::WHITE, hemisphere));
+    let directional = |direction| Light::from(DirectionalLight::new(direction, Rgb::WHITE));
     if is_furnace {
         vec![constant(Hemisphere::All)]
     } else {
@@ -271,21 +261,17 @@ fn a_slab_of_sine_power_flakes_is_reciprocal() {
         true,
         strewn(Vec3::ZERO, 300, 0.4, 0.004),
     );
-    let optics = vec![FlakeOptics {
-        albedo: Rgb::new(0.9, 0.6, 0.98),
-        end_on_ratio: 0.3,
-    }];
+    let optics = vec![FlakeOptics::new(Rgb::new(0.9, 0.6, 0.98), 0.3)];
     let tree = octree(&source, FibreFootprint::Covered);
     let family = FlakeFamily::named("sin-power").unwrap();
     let medium = FlakeOctreeMedium::new(tree, 0, optics, family).unwrap();
     let media = vec![AnyMedium::FlakeOctree(medium)];
     let patch = VolumePatch::of_media(media, Integrator::Woodcock).unwrap();
-    let angles = |theta_deg, phi_deg| Angles { theta_deg, phi_deg };
     let pairs: Vec<Pair> = [
-        [angles(20.0, 10.0), angles(65.0, 200.0)],
-        [angles(0.0, 0.0), angles(50.0, 80.0)],
-        [angles(30.0, 0.0), angles(140.0, 130.0)],
-        [angles(70.0, 300.0), angles(165.0, 20.0)],
+        [Angles::new(20.0, 10.0), Angles::new(65.0, 200.0)],
+        [Angles::new(0.0, 0.0), Angles::new(50.0, 80.0)],
+        [Angles::new(30.0, 0.0), Angles::new(140.0, 130.0)],
+        [Angles::new(70.0, 300.0), Angles::new(165.0, 20.0)],
     ]
     .into_iter()
     .flat_map(|[a, b]| [[a, b], [b, a]])

@@ -2,7 +2,7 @@
 
 use crate::program::{ended, folder, organza, succeed};
 use glam::{DVec3, Quat, UVec3, Vec3};
-use organza_basis::curve::{SegmentList, Tile};
+use organza_basis::curve::SegmentList;
 use organza_basis::{Aabb, Budget, Segment, SegmentSource};
 use organza_scan::phantom::{Phantom, PhantomLook, write_tiff};
 use organza_scene::fabric_file;
@@ -57,11 +57,7 @@ fn draw(folder: &Path, seed: u64) -> f64 {
         });
     }
     let bounds_mm = Aabb::new(-HALF_MM, HALF_MM);
-    let tile = Tile {
-        bounds_mm,
-        repeats: false,
-    };
-    let sheet = SegmentList { tile, segments };
+    let sheet = SegmentList::new(bounds_mm, false, segments);
     let mut phantom =
         Phantom::draw(&sheet, bounds_mm, VOXEL_MM, &mut Budget::new(1 << 30)).unwrap();
     phantom.look(&PhantomLook {

@@ -72,10 +72,7 @@ fn a_mixture_is_seen_in_one_way() {
     // The renderer: the same optics over the same octree.
     let bytes = std::fs::read(folder.join("tile.ovox")).unwrap();
     let octree = ovox::read(&mut &bytes[..], &mut plenty()).unwrap().octree;
-    let optics = |r, g, b| FlakeOptics {
-        albedo: Rgb::new(r, g, b),
-        end_on_ratio: 0.3,
-    };
+    let optics = |r, g, b| FlakeOptics::new(Rgb::new(r, g, b), 0.3);
     let materials = FlakeMaterials::new(vec![optics(0.9, 0.7, 0.4), optics(0.2, 0.7, 0.8)]);
     let merged = GridSet::from_octree(&octree, 0, &|m| materials.merged(m));
     assert!(merged.sigma_t.data == own[0].data);

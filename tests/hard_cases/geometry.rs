@@ -2,17 +2,13 @@
 
 use super::{SEED, SIZE_MM, VOXEL_MM};
 use glam::Vec3;
-use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::curve::{Segment, SegmentList};
 use organza_basis::{Aabb, PathRng, warp};
 
 /// Fibres in a box. Where it repeats, level rays have no end but in matter, and
 /// white parallel fibres hold light that runs along them; one geometry does.
 pub fn fibres(min_mm: Vec3, size_mm: Vec3, repeats: bool, segments: Vec<Segment>) -> SegmentList {
-    let tile = Tile {
-        bounds_mm: Aabb::new(min_mm, min_mm + size_mm),
-        repeats,
-    };
-    SegmentList { tile, segments }
+    SegmentList::new(Aabb::new(min_mm, min_mm + size_mm), repeats, segments)
 }
 
 /// `count` fibres of a radius about a mean direction, `strewn` 0 for parallel

@@ -73,10 +73,7 @@ pub fn matters(source: &SegmentList, log: &mut String) -> Vec<Matter> {
     let covered = octree(source, FibreFootprint::Covered);
     let axes = octree(source, FibreFootprint::Axis);
     for (albedo, end_on_ratio) in [(1.0, 0.0), (1.0, 1.0), (0.0, 0.3)] {
-        let optics = vec![FlakeOptics {
-            albedo: Rgb::splat(albedo),
-            end_on_ratio,
-        }];
+        let optics = vec![FlakeOptics::new(Rgb::splat(albedo), end_on_ratio)];
         let make = || covered.clone();
         let white = albedo == 1.0;
         for family in FlakeFamily::all() {

@@ -96,10 +96,7 @@ pub fn planned_pairs(count: u32) -> Vec<PlannedPair> {
     // The root above one of x^5 = x + 1.
     let root = (0..60).fold(2.0f64, |x, _| (1.0 + x).powf(0.2));
     let limit = MAX_THETA_DEG.to_radians().sin().powi(2);
-    let angles = |u: f64, v: f64| Angles {
-        theta_deg: (u * limit).sqrt().asin().to_degrees(),
-        phi_deg: 360.0 * v,
-    };
+    let angles = |u: f64, v: f64| Angles::new((u * limit).sqrt().asin().to_degrees(), 360.0 * v);
     let behind = |a: Angles| Angles {
         theta_deg: 180.0 - a.theta_deg,
         ..a
@@ -128,16 +125,13 @@ pub fn planned_pairs(count: u32) -> Vec<PlannedPair> {
 
 /// A pair whose half vector is near the normal; `None` where its eye is too steep.
 fn near_highlight(incident: Angles, u: f64, v: f64) -> Option<(Angles, Angles)> {
-    let half = Angles {
-        theta_deg: NEAR_DEG * u,
-        phi_deg: 360.0 * v,
-    };
+    let half = Angles::new(NEAR_DEG * u, 360.0 * v);
     let (h, i) = (half.direction().as_dvec3(), incident.direction().as_dvec3());
     let o = 2.0 * h.dot(i) * h - i;
-    let exitant = Angles {
-        theta_deg: o.z.clamp(-1.0, 1.0).acos().to_degrees(),
-        phi_deg: o.y.atan2(o.x).to_degrees(),
-    };
+    let exitant = Angles::new(
+        o.z.clamp(-1.0, 1.0).acos().to_degrees(),
+        o.y.atan2(o.x).to_degrees(),
+    );
     (exitant.theta_deg < MAX_THETA_DEG).then_some((incident, exitant))
 }
 
@@ -172,11 +166,7 @@ mod tests {
                 .any(|p| steep(p.pair.incident) || steep(p.pair.exitant))
         );
         // The mirror pair is a highlight.
-        let angles = |theta_deg, phi_deg| Angles { theta_deg, phi_deg };
-        let pair = Pair {
-            incident: angles(30.0, 10.0),
-            exitant: angles(30.0, 190.0),
-        };
+        let pair = Pair::new(Angles::new(30.0, 10.0), Angles::new(30.0, 190.0));
         assert_eq!(PlannedPair::new(pair, false).part, Part::Highlight);
     }
 }

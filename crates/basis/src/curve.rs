@@ -114,6 +114,16 @@ pub struct SegmentList {
 /// enough to share a small file between threads.
 const LIST_BATCH: usize = 16_384;
 
+impl SegmentList {
+    /// Segments in a box, which repeats or not.
+    pub fn new(bounds_mm: Aabb, repeats: bool, segments: Vec<Segment>) -> SegmentList {
+        SegmentList {
+            tile: Tile { bounds_mm, repeats },
+            segments,
+        }
+    }
+}
+
 impl SegmentSource for SegmentList {
     fn tile(&self) -> Tile {
         self.tile

@@ -83,6 +83,17 @@ pub struct CameraPose {
     pub up: DVec3,
 }
 
+impl CameraPose {
+    /// From a place toward another.
+    pub const fn new(origin_mm: DVec3, target_mm: DVec3, up: DVec3) -> CameraPose {
+        CameraPose {
+            origin_mm,
+            target_mm,
+            up,
+        }
+    }
+}
+
 /// A camera with its film.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
@@ -170,11 +181,7 @@ impl Camera {
 
     /// Where the camera stands and looks: its target is 1 mm ahead.
     pub fn pose(&self) -> CameraPose {
-        CameraPose {
-            origin_mm: self.origin_mm,
-            target_mm: self.origin_mm + self.forward,
-            up: self.up,
-        }
+        CameraPose::new(self.origin_mm, self.origin_mm + self.forward, self.up)
     }
 
     /// How samples spread around a pixel's centre.
@@ -208,11 +215,7 @@ mod tests {
                 aperture_mm,
                 focus_mm,
             };
-            let pose = CameraPose {
-                origin_mm: DVec3::Z,
-                target_mm: DVec3::ZERO,
-                up: DVec3::Y,
-            };
+            let pose = CameraPose::new(DVec3::Z, DVec3::ZERO, DVec3::Y);
             let made = Camera::new(projection, pose, UVec2::ONE, PixelFilter::Box);
             made.unwrap_err().to_string()
         };
@@ -226,11 +229,7 @@ mod tests {
     fn poses_without_a_frame_are_refused() {
         let p = Projection::Orthographic { width_mm: 1.0 };
         let pose = |target: DVec3, up: DVec3| {
-            let pose = CameraPose {
-                origin_mm: DVec3::ZERO,
-                target_mm: target,
-                up,
-            };
+            let pose = CameraPose::new(DVec3::ZERO, target, up);
             Camera::new(p, pose, UVec2::ONE, PixelFilter::Box).unwrap_err()
         };
         assert_eq!(pose(DVec3::ZERO, DVec3::Y), CameraError::NoDirection);

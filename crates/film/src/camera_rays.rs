@@ -86,11 +86,11 @@ mod tests {
     use crate::CameraPose;
 
     fn from_above(projection: Projection) -> Camera {
-        let pose = CameraPose {
-            origin_mm: DVec3::new(0.5, 0.5, 5.0),
-            target_mm: DVec3::new(0.5, 0.5, 0.0),
-            up: DVec3::Y,
-        };
+        let pose = CameraPose::new(
+            DVec3::new(0.5, 0.5, 5.0),
+            DVec3::new(0.5, 0.5, 0.0),
+            DVec3::Y,
+        );
         Camera::new(projection, pose, UVec2::new(4, 2), PixelFilter::Box).unwrap()
     }
 

@@ -173,10 +173,7 @@ mod tests {
     #[test]
     fn the_median_pixel_is_one_that_is_lit_and_met_matter() {
         let mut film = Film::new(UVec2::new(301, 1));
-        let info = SiteInfo {
-            axis: Vec3::X,
-            yarn: None,
-        };
+        let info = SiteInfo::new(Vec3::X, None);
         let first = Some(FirstEvent {
             info,
             depth_mm: 1.0,

@@ -12,6 +12,13 @@ pub struct SiteInfo {
     pub yarn: Option<u32>,
 }
 
+impl SiteInfo {
+    /// An axis, and the yarn.
+    pub const fn new(axis: Vec3, yarn: Option<u32>) -> SiteInfo {
+        SiteInfo { axis, yarn }
+    }
+}
+
 /// The first event of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FirstEvent {

@@ -173,10 +173,7 @@ fn run(args: &FitJob) -> Result<super::Fitted> {
 
 /// What a patch reflects of the beam, mean over its azimuths.
 fn reflectance(args: &FitJob, patch: &AnyPatch, seed: u64) -> Result<Measured> {
-    let beams = AZIMUTHS_DEG.map(|phi_deg| Angles {
-        theta_deg: BEAM_DEG,
-        phi_deg,
-    });
+    let beams = AZIMUTHS_DEG.map(|phi_deg| Angles::new(BEAM_DEG, phi_deg));
     let effort = Effort {
         paths: args.spp.unwrap_or(PATHS),
         seed,
@@ -196,10 +193,10 @@ fn reflectance(args: &FitJob, patch: &AnyPatch, seed: u64) -> Result<Measured> {
         let squares = results.list.iter().map(|a| a.reflected.se[c].powi(2));
         squares.sum::<f64>().sqrt() / count
     };
-    Ok(Measured {
-        mean: std::array::from_fn(mean),
-        se: std::array::from_fn(se),
-    })
+    Ok(Measured::new(
+        std::array::from_fn(mean),
+        std::array::from_fn(se),
+    ))
 }
 
 /// Refuses a colour that no fibres give the cloth.

@@ -46,10 +46,7 @@ impl Observed {
         let mut list = Vec::new();
         for (side, theta) in [(0, 0.0), (1, 180.0)] {
             for from in (0..bsdf.basis.len()).step_by(bsdf.basis.len() / 6) {
-                let exact = |m| Measured {
-                    mean: bsdf.hemispherical(m, from),
-                    se: [0.0; 3],
-                };
+                let exact = |m| Measured::new(bsdf.hemispherical(m, from), [0.0; 3]);
                 let [r, t] = [&bsdf.reflection[side], &bsdf.transmission[side]].map(exact);
                 let angles = bsdf.incident(from, theta == 0.0);
                 list.push((angles, [r, t]));

@@ -454,10 +454,7 @@ fn named_regions<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<NamedRegion>,
         .into_iter()
         .map(|(name, [x0, y0, x1, y1])| NamedRegion {
             name,
-            crop: Crop {
-                min: UVec2::new(x0, y0),
-                max: UVec2::new(x1, y1),
-            },
+            crop: Crop::new(UVec2::new(x0, y0), UVec2::new(x1, y1)),
         });
     Ok(parts.collect())
 }
@@ -529,11 +526,7 @@ fn options<'a>(args: &FitJob, loader: &'a Loader<'a>) -> PatchOptions<'a> {
 }
 
 fn effort(args: &FitJob) -> Effort {
-    Effort {
-        paths: args.paths(),
-        seed: args.seed,
-        target_error: None,
-    }
+    Effort::new(args.paths(), args.seed)
 }
 
 /// The fabric file as a table, with keys removed and replaced and names of other files

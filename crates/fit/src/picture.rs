@@ -191,10 +191,7 @@ impl Seen {
         Ok(Seen {
             pixels: pixels.iter().map(|p| (*p * white).0.to_array()).collect(),
             grid,
-            pair: Pair {
-                incident: angles(light),
-                exitant: angles(args.view.unwrap_or(VIEW)),
-            },
+            pair: Pair::new(angles(light), angles(args.view.unwrap_or(VIEW))),
         })
     }
 }

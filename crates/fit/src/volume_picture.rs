@@ -54,10 +54,7 @@ impl Photograph {
     /// Names the file or the flag.
     pub fn read(args: &FitJob, path: &Path, draft: &Draft) -> Result<Photograph> {
         let (size, pixels) = super::picture::read_picture(path, &args.context)?;
-        let whole = Crop {
-            min: UVec2::ZERO,
-            max: size,
-        };
+        let whole = Crop::new(UVec2::ZERO, size);
         let check = |flag: &str, yarn: &str, crop: Crop, least: u32| {
             let extent = crop.max.saturating_sub(crop.min);
             let (Crop { min, max }, most) = (crop, size);
@@ -177,10 +174,7 @@ impl Photograph {
         let min = small(region.min).min(resolution - extent / factor);
         let photograph = Photograph {
             resolution,
-            crop: Crop {
-                min,
-                max: min + extent / factor,
-            },
+            crop: Crop::new(min, min + extent / factor),
             picture: cut(region, factor),
             parts,
             blur_px: args.blur_px.map(|b| b / f64::from(factor)),

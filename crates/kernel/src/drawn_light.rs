@@ -40,11 +40,8 @@ impl<F: Floats> DrawnLight<F> {
             pdf[lane] = drawn.pdf;
             seen |= 1 << lane;
         }
-        let vector = |[x, y, z]: [[f32; MAX_LANES]; 3]| V3 {
-            x: F::load(&x),
-            y: F::load(&y),
-            z: F::load(&z),
-        };
+        let vector =
+            |[x, y, z]: [[f32; MAX_LANES]; 3]| V3::new(F::load(&x), F::load(&y), F::load(&z));
         DrawnLight {
             toward: vector(toward),
             irradiance: vector(irradiance),

@@ -15,12 +15,13 @@ pub struct V3<F> {
 
 impl<F: Floats> V3<F> {
     #[inline(always)]
+    pub fn new(x: F, y: F, z: F) -> V3<F> {
+        V3 { x, y, z }
+    }
+
+    #[inline(always)]
     pub fn splat(v: glam::Vec3) -> V3<F> {
-        V3 {
-            x: F::splat(v.x),
-            y: F::splat(v.y),
-            z: F::splat(v.z),
-        }
+        V3::new(F::splat(v.x), F::splat(v.y), F::splat(v.z))
     }
 
     #[inline(always)]
@@ -39,41 +40,33 @@ impl<F: Floats> V3<F> {
 
     #[inline(always)]
     pub fn scaled(self, k: F) -> V3<F> {
-        V3 {
-            x: self.x * k,
-            y: self.y * k,
-            z: self.z * k,
-        }
+        V3::new(self.x * k, self.y * k, self.z * k)
     }
 
     /// `self * k + o`.
     #[inline(always)]
     pub fn scaled_add(self, k: F, o: V3<F>) -> V3<F> {
-        V3 {
-            x: self.x.mul_add(k, o.x),
-            y: self.y.mul_add(k, o.y),
-            z: self.z.mul_add(k, o.z),
-        }
+        V3::new(
+            self.x.mul_add(k, o.x),
+            self.y.mul_add(k, o.y),
+            self.z.mul_add(k, o.z),
+        )
     }
 
     /// `self * k + o`, component by component.
     #[inline(always)]
     pub fn times_add(self, k: V3<F>, o: V3<F>) -> V3<F> {
-        V3 {
-            x: self.x.mul_add(k.x, o.x),
-            y: self.y.mul_add(k.y, o.y),
-            z: self.z.mul_add(k.z, o.z),
-        }
+        V3::new(
+            self.x.mul_add(k.x, o.x),
+            self.y.mul_add(k.y, o.y),
+            self.z.mul_add(k.z, o.z),
+        )
     }
 
     /// Component by component.
     #[inline(always)]
     pub fn times(self, o: V3<F>) -> V3<F> {
-        V3 {
-            x: self.x * o.x,
-            y: self.y * o.y,
-            z: self.z * o.z,
-        }
+        V3::new(self.x * o.x, self.y * o.y, self.z * o.z)
     }
 
     #[inline(always)]
@@ -102,11 +95,7 @@ impl<F: Floats> Add for V3<F> {
     type Output = V3<F>;
     #[inline(always)]
     fn add(self, o: V3<F>) -> V3<F> {
-        V3 {
-            x: self.x + o.x,
-            y: self.y + o.y,
-            z: self.z + o.z,
-        }
+        V3::new(self.x + o.x, self.y + o.y, self.z + o.z)
     }
 }
 
@@ -114,11 +103,7 @@ impl<F: Floats> Sub for V3<F> {
     type Output = V3<F>;
     #[inline(always)]
     fn sub(self, o: V3<F>) -> V3<F> {
-        V3 {
-            x: self.x - o.x,
-            y: self.y - o.y,
-            z: self.z - o.z,
-        }
+        V3::new(self.x - o.x, self.y - o.y, self.z - o.z)
     }
 }
 
@@ -227,11 +212,7 @@ pub fn on_sphere<F: Floats>(turns: F, height: F) -> V3<F> {
     let one = F::splat(1.0);
     let (sin, cos) = sin_cos_of_turns(turns);
     let r = (F::splat(4.0) * height * (one - height)).sqrt();
-    V3 {
-        x: r * cos,
-        y: r * sin,
-        z: height.mul_add(F::splat(-2.0), one),
-    }
+    V3::new(r * cos, r * sin, height.mul_add(F::splat(-2.0), one))
 }
 
 /// Set in the second half of every four.

@@ -46,6 +46,16 @@ pub struct DirectionalLight {
     pub irradiance: Rgb,
 }
 
+impl DirectionalLight {
+    /// Light that travels along a unit direction.
+    pub const fn new(direction: Vec3, irradiance: Rgb) -> DirectionalLight {
+        DirectionalLight {
+            direction,
+            irradiance,
+        }
+    }
+}
+
 impl LightSource for DirectionalLight {
     fn radiance_toward(&self, _: Vec3) -> Rgb {
         Rgb::BLACK

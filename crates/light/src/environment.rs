@@ -72,10 +72,10 @@ impl LightKind for EnvironmentTable {
                 if let Some((key, _)) = of_file.iter().find(|(_, given)| *given) {
                     return wrong(&format!("{key} belongs to an environment with a file"));
                 }
-                Ok(Light::from(EnvironmentLight {
-                    radiance: brightness(radiance, "radiance")?,
-                    hemisphere: self.hemisphere.unwrap_or_default(),
-                }))
+                Ok(Light::from(EnvironmentLight::new(
+                    brightness(radiance, "radiance")?,
+                    self.hemisphere.unwrap_or_default(),
+                )))
             }
             (None, Some(name)) if self.hemisphere.is_none() => Ok(Light::from(ImageLight {
                 image: Arc::new(self.image(name, load)?),
@@ -143,6 +143,16 @@ pub struct EnvironmentLight {
     pub radiance: Rgb,
     /// Where it comes from.
     pub hemisphere: Hemisphere,
+}
+
+impl EnvironmentLight {
+    /// A radiance from a half of the sphere, or from all of it.
+    pub const fn new(radiance: Rgb, hemisphere: Hemisphere) -> EnvironmentLight {
+        EnvironmentLight {
+            radiance,
+            hemisphere,
+        }
+    }
 }
 
 impl LightSource for EnvironmentLight {

@@ -147,10 +147,10 @@ fn solid_angle(u: DVec2) -> f64 {
 
 /// Angles of a direction of the upper hemisphere, lifted to [`LEAST_COSINE`].
 fn lifted(w: DVec3) -> Angles {
-    Angles {
-        theta_deg: w.z.clamp(LEAST_COSINE, 1.0).acos().to_degrees(),
-        phi_deg: w.y.atan2(w.x).to_degrees(),
-    }
+    Angles::new(
+        w.z.clamp(LEAST_COSINE, 1.0).acos().to_degrees(),
+        w.y.atan2(w.x).to_degrees(),
+    )
 }
 
 /// The nodes of a square, row by row.
@@ -288,10 +288,7 @@ pub fn measure_adaptive(
     };
 
     let retro: Vec<DVec3> = nodes(side).map(direction).collect();
-    let back = |&w: &DVec3| Pair {
-        incident: lifted(w),
-        exitant: lifted(w),
-    };
+    let back = |&w: &DVec3| Pair::new(lifted(w), lifted(w));
     let more = Effort {
         paths: effort.paths.saturating_mul(RETRO_EFFORT),
         ..*effort
@@ -342,10 +339,7 @@ pub fn measure_adaptive(
             let area = bilinear(side, &brdf.projected_area, u);
             let nodes: Vec<Node> = nodes(side).map(|s| Node::at(&warp, s, w_in)).collect();
             let lit = lit_nodes(side, &nodes);
-            let pair = |&k: &usize| Pair {
-                incident: lifted(w_in),
-                exitant: lifted(nodes[k].w_out),
-            };
+            let pair = |&k: &usize| Pair::new(lifted(w_in), lifted(nodes[k].w_out));
             let pairs: Vec<Pair> = lit.iter().map(pair).collect();
             let list = once_each(&pairs, |p| measured(p, effort))?;
             let mut square = vec![[0.0f64; 3]; side * side];

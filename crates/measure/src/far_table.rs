@@ -104,13 +104,9 @@ pub fn measure_node(
     let (mut stats, mut rejected) = (Stats::default(), 0);
     let draw = |rng: &mut PathRng| rings.draw(node, rng);
     let mut found = |exit: Exit| {
-        let Some((to, weight)) = exit.escape else {
+        let Some((to, weight)) = exit.finite(&mut rejected) else {
             return;
         };
-        if !weight.0.is_finite() {
-            rejected += 1;
-            return;
-        }
         let channels = weight.0.to_array().map(f64::from);
         let escaped = sums.escaped.iter_mut().zip(&mut sums.escaped_squares);
         for ((sum, square), v) in escaped.zip(channels) {
@@ -131,11 +127,11 @@ pub fn measure_node(
         }
     };
     for first in paths.clone().step_by(AT_ONCE as usize) {
-        let names = PathNames {
+        let names = PathNames::new(
             seed,
-            stream: NODE_STREAMS + node as u64,
-            paths: first..(first + AT_ONCE).min(paths.end),
-        };
+            NODE_STREAMS + node as u64,
+            first..(first + AT_ONCE).min(paths.end),
+        );
         patch.each_exit(&draw, PathRun::new(&names, &mut stats, &mut found));
     }
     stats.rejected += rejected;

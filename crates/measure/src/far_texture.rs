@@ -81,22 +81,18 @@ pub fn measure_texels(
     };
     let total = per_texel * texels as u64;
     for first in (0..total).step_by(AT_ONCE as usize) {
-        let names = PathNames {
+        let names = PathNames::new(
             seed,
-            stream: TEXTURE_STREAMS + node as u64,
-            paths: first..(first + AT_ONCE).min(total),
-        };
+            TEXTURE_STREAMS + node as u64,
+            first..(first + AT_ONCE).min(total),
+        );
         let mut path = first;
         let mut found = |exit: Exit| {
             let texel = (path % texels as u64) as usize;
             path += 1;
-            let Some((to, weight)) = exit.escape else {
+            let Some((to, weight)) = exit.finite(&mut rejected) else {
                 return;
             };
-            if !weight.0.is_finite() {
-                rejected += 1;
-                return;
-            }
             if exit.is_straight {
                 sums.straight[texel] += 1.0;
                 return;

@@ -41,11 +41,13 @@ pub struct Measured {
 }
 
 impl Measured {
+    /// A mean and its standard error.
+    pub const fn new(mean: [f64; 3], se: [f64; 3]) -> Measured {
+        Measured { mean, se }
+    }
+
     pub(crate) fn of(moments: &[Moments; 3]) -> Measured {
-        Measured {
-            mean: moments.map(|m| m.mean),
-            se: moments.map(|m| m.standard_error()),
-        }
+        Measured::new(moments.map(|m| m.mean), moments.map(|m| m.standard_error()))
     }
 }
 
@@ -224,10 +226,7 @@ pub(crate) fn gather_pairs(
             .map(|(&pair, [moments])| PairValue {
                 pair,
                 bsdf: if patch.is_exact() {
-                    Measured {
-                        mean: moments.map(|m| m.mean),
-                        se: [0.0; 3],
-                    }
+                    Measured::new(moments.map(|m| m.mean), [0.0; 3])
                 } else {
                     Measured::of(&moments)
                 },
@@ -424,11 +423,7 @@ where
                 .map(|c| {
                     let paths = c * CHUNK..((c + 1) * CHUNK).min(end);
                     Stopped::check(watch(paths.end - paths.start))?;
-                    let names = PathNames {
-                        seed: effort.seed,
-                        stream,
-                        paths,
-                    };
+                    let names = PathNames::new(effort.seed, stream, paths);
                     Ok(chunk(&estimate, &names))
                 })
                 .collect::<Result<Vec<Sums<N>>, Stopped>>()?;
@@ -526,10 +521,7 @@ mod tests {
     #[test]
     fn a_stop_ends_measurements_early() {
         let normal = Angles::NORMAL;
-        let pair = Pair {
-            incident: normal,
-            exitant: normal,
-        };
+        let pair = Pair::new(normal, normal);
         let effort = Effort::new(64 * CHUNK, 7);
         let grid = TexelGrid {
             low_mm: Vec2::ZERO,
@@ -572,10 +564,7 @@ mod tests {
     #[test]
     fn values_without_a_variance_have_heavy_tails() {
         let normal = Angles::NORMAL;
-        let pairs = [Pair {
-            incident: normal,
-            exitant: normal,
-        }; 64];
+        let pairs = [Pair::new(normal, normal); 64];
         for paths in [1024, 16_384] {
             let effort = Effort::new(paths, 7);
             let heavy = |power: f32| {

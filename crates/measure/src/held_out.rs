@@ -58,20 +58,14 @@ pub fn held_out_pairs(count: usize, seed: u64) -> Vec<Pair> {
             let back = unit() < 0.5;
             let mut direction = |back: bool, low: f64, high: f64| {
                 let theta = low + (high - low) * unit();
-                Angles {
-                    theta_deg: if back { 180.0 - theta } else { theta },
-                    phi_deg: 360.0 * unit(),
-                }
+                Angles::new(if back { 180.0 - theta } else { theta }, 360.0 * unit())
             };
             let incident = direction(back, 0.0, OBLIQUE_DEG);
             let (low, high) = match k % 8 {
                 6 | 7 => (OBLIQUE_DEG, LIMIT_DEG),
                 _ => (0.0, OBLIQUE_DEG),
             };
-            Pair {
-                incident,
-                exitant: direction(back == reflects, low, high),
-            }
+            Pair::new(incident, direction(back == reflects, low, high))
         })
         .collect()
 }
@@ -172,10 +166,7 @@ mod tests {
             values.push([value * (1.0 + 0.1 * kick.x.signum()); 3]);
             truth.push(PairValue {
                 pair,
-                bsdf: Measured {
-                    mean: [value + 0.03 * kick.y; 3],
-                    se: [0.03; 3],
-                },
+                bsdf: Measured::new([value + 0.03 * kick.y; 3], [0.03; 3]),
                 paths: 1,
             });
         }

@@ -88,10 +88,10 @@ impl KlemsPatch {
             role,
         );
         let w = w.as_dvec3();
-        Angles {
-            theta_deg: w.z.clamp(-1.0, 1.0).acos().to_degrees(),
-            phi_deg: w.y.atan2(w.x).to_degrees(),
-        }
+        Angles::new(
+            w.z.clamp(-1.0, 1.0).acos().to_degrees(),
+            w.y.atan2(w.x).to_degrees(),
+        )
     }
 }
 
@@ -272,10 +272,10 @@ impl KlemsBsdf {
                     };
                     if !(crosses && to == from) {
                         list.push(PairValue {
-                            pair: Pair {
-                                incident: source.angles(front, Role::From),
-                                exitant: out.angles(front != crosses, Role::To),
-                            },
+                            pair: Pair::new(
+                                source.angles(front, Role::From),
+                                out.angles(front != crosses, Role::To),
+                            ),
                             bsdf: Measured { mean, se },
                             paths: 0,
                         });
@@ -314,11 +314,7 @@ pub fn measure_klems(
         // Sums and sums of squares: reflection, then transmission.
         let mut sums = vec![[[0.0f64; 2]; 3]; 2 * n];
         let mut stats = Stats::default();
-        let names = PathNames {
-            seed,
-            stream: KLEMS_STREAMS + k as u64,
-            paths: 0..paths,
-        };
+        let names = PathNames::new(seed, KLEMS_STREAMS + k as u64, 0..paths);
         let draw = |rng: &mut PathRng| {
             let u = rng.unit2().as_dvec2();
             let sin = (low + u.x * (high - low)).sqrt();
@@ -327,13 +323,9 @@ pub fn measure_klems(
         };
         let mut rejected = 0;
         let mut found = |exit: Exit| {
-            let Some((to, weight)) = exit.escape else {
+            let Some((to, weight)) = exit.finite(&mut rejected) else {
                 return;
             };
-            if !weight.0.is_finite() {
-                rejected += 1;
-                return;
-            }
             let crosses = (to.z > 0.0) != front;
             let slot = basis.index(to) + if crosses { n } else { 0 };
             if let Some(slot) = sums.get_mut(slot) {

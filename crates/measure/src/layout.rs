@@ -35,10 +35,10 @@ pub fn irawan_incident() -> Vec<Angles> {
         let square = Vec2::new((k % SIDE) as f32, (k / SIDE) as f32) * step;
         let disk = warp::concentric_disk(square).as_dvec2();
         let cos = 1.0 - disk.length_squared().min(1.0) * fall;
-        Angles {
-            theta_deg: cos.clamp(-1.0, 1.0).acos().to_degrees(),
-            phi_deg: disk.y.atan2(disk.x).to_degrees(),
-        }
+        Angles::new(
+            cos.clamp(-1.0, 1.0).acos().to_degrees(),
+            disk.y.atan2(disk.x).to_degrees(),
+        )
     };
     (0..SIDE * SIDE).map(angles).collect()
 }
@@ -66,9 +66,11 @@ pub fn grid_directions(polar: u32, azimuths: u32, with_back: bool) -> Vec<Angles
     let middle = |k: u32, n: u32, range: f64| (f64::from(k) + 0.5) * range / f64::from(n);
     (0..rings)
         .flat_map(|t| (0..azimuths).map(move |p| (t, p)))
-        .map(|(t, p)| Angles {
-            theta_deg: middle(t, polar, 90.0),
-            phi_deg: f64::from(p) * 360.0 / f64::from(azimuths),
+        .map(|(t, p)| {
+            Angles::new(
+                middle(t, polar, 90.0),
+                f64::from(p) * 360.0 / f64::from(azimuths),
+            )
         })
         .collect()
 }
@@ -95,10 +97,10 @@ pub fn in_plane_layout(theta_deg: f64) -> Vec<Pair> {
         for back in [false, true] {
             for step in -8..=8 {
                 let tilt = 10.0 * f64::from(step);
-                let exitant = Angles {
-                    theta_deg: if back { 180.0 - tilt.abs() } else { tilt.abs() },
-                    phi_deg: if tilt < 0.0 { phi_deg + 180.0 } else { phi_deg },
-                };
+                let exitant = Angles::new(
+                    if back { 180.0 - tilt.abs() } else { tilt.abs() },
+                    if tilt < 0.0 { phi_deg + 180.0 } else { phi_deg },
+                );
                 list.push(Pair { incident, exitant });
             }
         }

@@ -78,11 +78,11 @@ pub fn gather_looks(
             texel.axis += Vec2::new(x * x - y * y, 2.0 * x * y);
         };
         for first in (0..total).step_by(MAX_AT_ONCE as usize) {
-            let names = PathNames {
+            let names = PathNames::new(
                 seed,
-                stream: LOOK_STREAMS + u64::from(y),
-                paths: first..(first + MAX_AT_ONCE).min(total),
-            };
+                LOOK_STREAMS + u64::from(y),
+                first..(first + MAX_AT_ONCE).min(total),
+            );
             let run = PathRun::new(&names, &mut stats, &mut found);
             patch.each_look(&place, run);
         }

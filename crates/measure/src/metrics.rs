@@ -249,10 +249,7 @@ mod tests {
             });
             PairValue {
                 pair: *pair,
-                bsdf: Measured {
-                    mean,
-                    se: [factor * truth * noise; 3],
-                },
+                bsdf: Measured::new(mean, [factor * truth * noise; 3]),
                 paths: 1,
             }
         };

@@ -15,11 +15,13 @@ pub struct Angles {
 }
 
 impl Angles {
+    /// Of both angles, degrees.
+    pub const fn new(theta_deg: f64, phi_deg: f64) -> Angles {
+        Angles { theta_deg, phi_deg }
+    }
+
     /// Along the normal of the face.
-    pub const NORMAL: Angles = Angles {
-        theta_deg: 0.0,
-        phi_deg: 0.0,
-    };
+    pub const NORMAL: Angles = Angles::new(0.0, 0.0);
 
     /// The unit vector.
     pub fn direction(&self) -> Vec3 {
@@ -38,6 +40,13 @@ pub struct Pair {
     pub incident: Angles,
     /// Toward the eye.
     pub exitant: Angles,
+}
+
+impl Pair {
+    /// Of both directions.
+    pub const fn new(incident: Angles, exitant: Angles) -> Pair {
+        Pair { incident, exitant }
+    }
 }
 
 /// A mistake in a file, with its place.
@@ -111,9 +120,8 @@ const MIN_COSINE: f64 = 1e-4;
 /// # Errors
 /// The first mistake, with line and column.
 pub fn parse_pairs(text: &str) -> Result<Vec<Pair>, PairsError> {
-    parse(text, ["theta_i", "phi_i", "theta_o", "phi_o"], |v| Pair {
-        incident: angles(v[0], v[1]),
-        exitant: angles(v[2], v[3]),
+    parse(text, ["theta_i", "phi_i", "theta_o", "phi_o"], |v| {
+        Pair::new(Angles::new(v[0], v[1]), Angles::new(v[2], v[3]))
     })
 }
 
@@ -123,7 +131,7 @@ pub fn parse_pairs(text: &str) -> Result<Vec<Pair>, PairsError> {
 /// # Errors
 /// As [`parse_pairs`].
 pub fn parse_incident(text: &str) -> Result<Vec<Angles>, PairsError> {
-    let all = parse(text, ["theta_i", "phi_i"], |v| angles(v[0], v[1]))?;
+    let all = parse(text, ["theta_i", "phi_i"], |v| Angles::new(v[0], v[1]))?;
     Ok(distinct_incident(all))
 }
 
@@ -134,14 +142,8 @@ pub fn parse_incident(text: &str) -> Result<Vec<Angles>, PairsError> {
 /// See [`PairsError`].
 pub fn parse_values(text: &str) -> Result<Vec<PairValue>, PairsError> {
     let value = |v: [f64; 7], se: [f64; 3]| PairValue {
-        pair: Pair {
-            incident: angles(v[0], v[1]),
-            exitant: angles(v[2], v[3]),
-        },
-        bsdf: Measured {
-            mean: [v[4], v[5], v[6]],
-            se,
-        },
+        pair: Pair::new(Angles::new(v[0], v[1]), Angles::new(v[2], v[3])),
+        bsdf: Measured::new([v[4], v[5], v[6]], se),
         paths: 0,
     };
     const NAMES: [&str; 7] = ["theta_i", "phi_i", "theta_o", "phi_o", "r", "g", "b"];
@@ -156,10 +158,6 @@ pub fn distinct_incident(all: impl IntoIterator<Item = Angles>) -> Vec<Angles> {
     let mut seen = std::collections::HashSet::new();
     let bits = |a: &Angles| (a.theta_deg.to_bits(), a.phi_deg.to_bits());
     all.into_iter().filter(|a| seen.insert(bits(a))).collect()
-}
-
-fn angles(theta_deg: f64, phi_deg: f64) -> Angles {
-    Angles { theta_deg, phi_deg }
 }
 
 fn parse<const N: usize, T>(
@@ -341,10 +339,7 @@ mod tests {
     fn columns_are_found_by_name_and_the_rest_left_alone() {
         let text = "# a table\n\nr, phi_i,theta_i,theta_o,phi_o\n0.1,10, 30,120,-45\n";
         let pairs = parse_pairs(text).unwrap();
-        let expected = Pair {
-            incident: angles(30.0, 10.0),
-            exitant: angles(120.0, -45.0),
-        };
+        let expected = Pair::new(Angles::new(30.0, 10.0), Angles::new(120.0, -45.0));
         assert_eq!(pairs, [expected]);
         let quoted = text.replace("120", "\"120\"").replace('\n', "\r\n");
         assert_eq!(parse_pairs(&quoted).unwrap(), [expected]);
@@ -352,7 +347,7 @@ mod tests {
         assert!(w.z < 0.0 && (w.length() - 1.0).abs() < 1e-6);
         let twice = "theta_i,phi_i\n30,0\n150,0\n30,0\n";
         let list = parse_incident(twice).unwrap();
-        assert_eq!(list, [angles(30.0, 0.0), angles(150.0, 0.0)]);
+        assert_eq!(list, [Angles::new(30.0, 0.0), Angles::new(150.0, 0.0)]);
     }
 
     #[test]

@@ -38,6 +38,13 @@ pub struct Exit {
 }
 
 impl Exit {
+    /// What escapes. A weight that is not finite counts as rejected.
+    pub(crate) fn finite(&self, rejected: &mut u64) -> Option<(Vec3, Rgb)> {
+        let escape = self.escape.filter(|(_, weight)| weight.0.is_finite());
+        *rejected += u64::from(self.escape.is_some() && escape.is_none());
+        escape
+    }
+
     /// The shares of a unit of light from `w`.
     pub fn energy(&self, w: Vec3) -> Energy {
         let mut energy = Energy {
@@ -90,6 +97,15 @@ pub struct PathNames {
 }
 
 impl PathNames {
+    /// Paths of a stream.
+    pub const fn new(seed: u64, stream: u64, paths: Range<u64>) -> PathNames {
+        PathNames {
+            seed,
+            stream,
+            paths,
+        }
+    }
+
     /// The random numbers of a path.
     pub fn rng(&self, path: u64) -> PathRng {
         PathRng::new(self.seed, self.stream, path)

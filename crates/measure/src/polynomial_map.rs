@@ -56,10 +56,10 @@ fn lamps(count: u32) -> Vec<Angles> {
     let lamp = |k: u32| {
         let share = (f64::from(k) + 0.5) / f64::from(count);
         let sine = RIM_DEG.to_radians().sin() * share.sqrt();
-        Angles {
-            theta_deg: sine.asin().to_degrees(),
-            phi_deg: (f64::from(k) * golden_rad).rem_euclid(TAU).to_degrees(),
-        }
+        Angles::new(
+            sine.asin().to_degrees(),
+            (f64::from(k) * golden_rad).rem_euclid(TAU).to_degrees(),
+        )
     };
     (0..count).map(lamp).collect()
 }

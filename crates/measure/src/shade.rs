@@ -234,11 +234,7 @@ mod tests {
         for paths in [1, 2, 64] {
             let mut moments = Moments::default();
             for part in 0..(1 << 16) / paths {
-                let names = PathNames {
-                    seed: 3,
-                    stream: 0,
-                    paths: part * paths..(part + 1) * paths,
-                };
+                let names = PathNames::new(3, 0, part * paths..(part + 1) * paths);
                 let run = PathRun {
                     names: &names,
                     stats: &mut Stats::default(),

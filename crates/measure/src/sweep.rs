@@ -132,10 +132,7 @@ mod tests {
                 axis: LampAxis::Warp,
                 angle_deg,
             },
-            intensity: Measured {
-                mean: [mean, 2.0 * mean, 3.0 * mean],
-                se: [0.0; 3],
-            },
+            intensity: Measured::new([mean, 2.0 * mean, 3.0 * mean], [0.0; 3]),
         };
         let sweep = [
             value(-60.0, 1.0),

@@ -221,24 +221,16 @@ pub fn measure_tensor_tree(
         // Sums per channel, and of squares of their mean: reflection, then transmission.
         let mut sums = vec![[0.0f64; 4]; 2 * exitant];
         let mut stats = Stats::default();
-        let names = PathNames {
-            seed,
-            stream: TREE_STREAMS + k as u64,
-            paths: 0..paths,
-        };
+        let names = PathNames::new(seed, TREE_STREAMS + k as u64, 0..paths);
         let draw = |rng: &mut PathRng| layout.draw(cell, front, rng);
         // The exit of a path is found from the direction that the path drew.
         let (mut rejected, mut path) = (0, 0);
         let mut found = |exit: Exit| {
             let w_in = draw(&mut names.rng(path));
             path += 1;
-            let Some((to, weight)) = exit.escape else {
+            let Some((to, weight)) = exit.finite(&mut rejected) else {
                 return;
             };
-            if !weight.0.is_finite() {
-                rejected += 1;
-                return;
-            }
             let crosses = (to.z > 0.0) != front;
             let slot = layout.exitant_cell(w_in, to) + if crosses { exitant } else { 0 };
             if let Some(slot) = sums.get_mut(slot) {

@@ -99,11 +99,7 @@ impl VolumePatch {
         media: Vec<AnyMedium>,
         integrator: Integrator,
     ) -> Result<VolumePatch, PatchError> {
-        let pose = CameraPose {
-            origin_mm: DVec3::Z,
-            target_mm: DVec3::ZERO,
-            up: DVec3::Y,
-        };
+        let pose = CameraPose::new(DVec3::Z, DVec3::ZERO, DVec3::Y);
         let projection = Projection::Orthographic { width_mm: 1.0 };
         let scene = Scene {
             media,
@@ -196,10 +192,7 @@ impl VolumePatch {
 
 /// Light from `w` of unit irradiance across the beam.
 fn beam(w: Vec3) -> Light {
-    Light::from(DirectionalLight {
-        direction: -w,
-        irradiance: Rgb::WHITE,
-    })
+    Light::from(DirectionalLight::new(-w, Rgb::WHITE))
 }
 
 impl PatchResponse for VolumePatch {

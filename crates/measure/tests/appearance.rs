@@ -21,10 +21,8 @@ fn sheet(optics: &Appearance, seed: u64) -> Vec<Measured> {
     list.push(first.map(|a| 0.02 * a * cover / optics.gamma.sqrt() + 0.05 * diffuse(a)));
     list.push(first.map(|a| 0.03 * diffuse(a) * (1.0 - cover) + 0.004 * a));
     let mut noisy = |v: f64| v * (1.0 + 0.003 * f64::from(rng.normal2().x));
-    let measured = |values: [f64; 3]| Measured {
-        mean: values.map(&mut noisy),
-        se: values.map(|v| 0.003 * v),
-    };
+    let measured =
+        |values: [f64; 3]| Measured::new(values.map(&mut noisy), values.map(|v| 0.003 * v));
     list.into_iter().map(measured).collect()
 }
 

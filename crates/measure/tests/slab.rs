@@ -33,19 +33,8 @@ fn slab(integrator: Integrator) -> VolumePatch {
     VolumePatch::of_media(vec![grid(ALBEDO, 0.4, true)], integrator).unwrap()
 }
 
-fn effort(paths: u64, seed: u64) -> Effort {
-    Effort::new(paths, seed)
-}
-
-fn angles(theta_deg: f64, phi_deg: f64) -> Angles {
-    Angles { theta_deg, phi_deg }
-}
-
 fn pair(i: (f64, f64), o: (f64, f64)) -> Pair {
-    Pair {
-        incident: angles(i.0, i.1),
-        exitant: angles(o.0, o.1),
-    }
+    Pair::new(Angles::new(i.0, i.1), Angles::new(o.0, o.1))
 }
 
 /// A twin that takes the light for perpendicular to itself.
@@ -80,7 +69,7 @@ fn distances(patch: &impl PatchResponse, paths: u64, seed: u64) -> Vec<f64> {
     let pairs = parse_pairs(table).unwrap();
     let rows = organza_testing::csv_numbers(table);
     assert_eq!((pairs.len(), rows.len()), (16, 16));
-    let results = measure_pairs(patch, &pairs, &effort(paths, seed), &unwatched).unwrap();
+    let results = measure_pairs(patch, &pairs, &Effort::new(paths, seed), &unwatched).unwrap();
     results
         .list
         .iter()
@@ -121,10 +110,10 @@ fn the_bsdf_is_reciprocal() {
     let there: Vec<Pair> = some.iter().map(|&(a, b)| pair(a, b)).collect();
     let back: Vec<Pair> = some.iter().map(|&(a, b)| pair(b, a)).collect();
     let slab = slab(Integrator::Woodcock);
-    let a = measure_pairs(&slab, &there, &effort(10_000, 11), &unwatched).unwrap();
-    let b = measure_pairs(&slab, &back, &effort(10_000, 12), &unwatched).unwrap();
+    let a = measure_pairs(&slab, &there, &Effort::new(10_000, 11), &unwatched).unwrap();
+    let b = measure_pairs(&slab, &back, &Effort::new(10_000, 12), &unwatched).unwrap();
     let twin = ForgottenCosine(slab);
-    let wrong = measure_pairs(&twin, &back, &effort(10_000, 12), &unwatched).unwrap();
+    let wrong = measure_pairs(&twin, &back, &Effort::new(10_000, 12), &unwatched).unwrap();
     let mut rejected = 0;
     for ((a, b), wrong) in a.list.iter().zip(&b.list).zip(&wrong.list) {
         for c in 0..3 {
@@ -146,8 +135,12 @@ fn the_bsdf_is_reciprocal() {
 #[test]
 fn shares_add_to_one_and_direct_light_is_beer_lamberts() {
     let slab = slab(Integrator::Woodcock);
-    let incident = [angles(0.0, 0.0), angles(60.0, 35.0), angles(140.0, 80.0)];
-    let results = measure_albedos(&slab, &incident, &effort(20_000, 3), &unwatched).unwrap();
+    let incident = [
+        Angles::new(0.0, 0.0),
+        Angles::new(60.0, 35.0),
+        Angles::new(140.0, 80.0),
+    ];
+    let results = measure_albedos(&slab, &incident, &Effort::new(20_000, 3), &unwatched).unwrap();
     for a in &results.list {
         for c in 0..3 {
             let (sum, se) = (a.sum.mean[c], a.sum.se[c]);
@@ -164,10 +157,10 @@ fn shares_add_to_one_and_direct_light_is_beer_lamberts() {
         let se = ((-depth).exp() / 20_000.0).sqrt();
         assert!(distance < 4.0 * se, "seed 3: {distance} against {se}");
     }
-    let (open, se) = measure_openness(&slab, &effort(20_000, 3), &unwatched).unwrap();
+    let (open, se) = measure_openness(&slab, &Effort::new(20_000, 3), &unwatched).unwrap();
     assert!((open - (-6f64).exp()).abs() < 4.0 * se, "{open} +- {se}");
     let twin = ForgottenCosine(slab);
-    let wrong = measure_albedos(&twin, &incident, &effort(20_000, 3), &unwatched).unwrap();
+    let wrong = measure_albedos(&twin, &incident, &Effort::new(20_000, 3), &unwatched).unwrap();
     let sum = wrong.list[0].sum;
     assert!((sum.mean[2] - 1.0).abs() > 10.0 * sum.se[2]);
 }
@@ -177,8 +170,8 @@ fn the_bsdf_integrates_to_reflectance_and_transmittance() {
     // Shadow rays against escaping paths: two ways to one number. The light
     // comes from the cosine distribution, so f / density is pi f.
     let slab = slab(Integrator::Woodcock);
-    let from = angles(50.0, 20.0);
-    let results = measure_albedos(&slab, &[from], &effort(30_000, 5), &unwatched).unwrap();
+    let from = Angles::new(50.0, 20.0);
+    let results = measure_albedos(&slab, &[from], &Effort::new(30_000, 5), &unwatched).unwrap();
     let mut sides = [[Moments::default(); 3]; 2];
     let mut stats = Stats::default();
     for path in 0..30_000 {
@@ -222,10 +215,9 @@ fn results_depend_on_the_seed_and_not_on_the_threads() {
     let table = |threads, seed| {
         let slab = slab(Integrator::Woodcock);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-        let results = pool
-            .build()
-            .unwrap()
-            .install(|| measure_pairs(&slab, &pairs, &effort(5000, seed), &unwatched).unwrap());
+        let results = pool.build().unwrap().install(|| {
+            measure_pairs(&slab, &pairs, &Effort::new(5000, seed), &unwatched).unwrap()
+        });
         let mut out = Vec::new();
         write_pairs(&results.list, &mut out).unwrap();
         String::from_utf8(out).unwrap()
@@ -285,8 +277,8 @@ fn an_end_of_the_box_is_no_end_of_energy() {
     // A box that ends loses light through its sides, but none altogether.
     let ends =
         VolumePatch::of_media(vec![grid([1.0; 3], 0.4, false)], Integrator::Woodcock).unwrap();
-    let incident = [angles(30.0, 0.0)];
-    let results = measure_albedos(&ends, &incident, &effort(20_000, 8), &unwatched).unwrap();
+    let incident = [Angles::new(30.0, 0.0)];
+    let results = measure_albedos(&ends, &incident, &Effort::new(20_000, 8), &unwatched).unwrap();
     let a = &results.list[0];
     let rest = a.reflected.mean[0] + a.transmitted.mean[0] + a.direct.mean[0];
     assert!(
@@ -304,6 +296,11 @@ fn what_makes_no_patch_is_refused() {
     let periods = vec![grid(ALBEDO, 0.4, true), grid(ALBEDO, 0.3, true)];
     assert!(matches!(fail(periods), Some(PatchError::Periods(..))));
     let one = [pair((0.0, 0.0), (30.0, 0.0))];
-    let few = measure_pairs(&slab(Integrator::Woodcock), &one, &effort(1, 0), &unwatched);
+    let few = measure_pairs(
+        &slab(Integrator::Woodcock),
+        &one,
+        &Effort::new(1, 0),
+        &unwatched,
+    );
     assert_eq!(few, Err(MeasureError::TooFewPaths(1)));
 }

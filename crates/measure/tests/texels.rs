@@ -82,14 +82,8 @@ fn middles() -> (Vec<f32>, f32) {
 }
 
 fn pictures(cloth: &Painted) -> [Vec<f32>; 2] {
-    let toward = |theta_deg| Angles {
-        theta_deg,
-        phi_deg: 0.0,
-    };
-    let pair = Pair {
-        incident: toward(30.0),
-        exitant: toward(0.0),
-    };
+    let toward = |theta_deg| Angles::new(theta_deg, 0.0);
+    let pair = Pair::new(toward(30.0), toward(0.0));
     let paths = 16;
     let texture = measure_texture(cloth, pair, &GRID, paths, SEED, &unwatched).unwrap();
     let looks = gather_looks(cloth, &GRID, paths as u32, SEED, &unwatched).unwrap();

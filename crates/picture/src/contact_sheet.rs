@@ -131,10 +131,7 @@ mod tests {
     fn cell(label: &str, grey: f32, size: UVec2) -> Cell {
         Cell {
             label: label.into(),
-            picture: Picture {
-                size,
-                pixels: vec![Rgb::splat(grey); (size.x * size.y) as usize],
-            },
+            picture: Picture::new(size, vec![Rgb::splat(grey); (size.x * size.y) as usize]),
             display: Display::default(),
         }
     }

@@ -191,10 +191,7 @@ mod tests {
     use glam::UVec2;
 
     fn picture(pixels: Vec<Rgb>) -> Picture {
-        Picture {
-            size: UVec2::new(pixels.len() as u32, 1),
-            pixels,
-        }
+        Picture::new(UVec2::new(pixels.len() as u32, 1), pixels)
     }
 
     const AUTO: Display = Display {

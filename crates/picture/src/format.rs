@@ -195,10 +195,7 @@ mod tests {
     #[test]
     fn a_picture_is_refused_by_its_stated_size_before_it_is_decoded() {
         // Known bad: with enough memory allowed, the same file is read.
-        let picture = Picture {
-            size: UVec2::new(300, 200),
-            pixels: vec![Rgb::BLACK; 300 * 200],
-        };
+        let picture = Picture::new(UVec2::new(300, 200), vec![Rgb::BLACK; 300 * 200]);
         let mut out = Cursor::new(Vec::new());
         crate::exr::write_colours(&picture, &mut out).unwrap();
         let bytes = out.into_inner();

@@ -14,6 +14,13 @@ pub struct Picture {
     pub pixels: Vec<Rgb>,
 }
 
+impl Picture {
+    /// Of pixels.
+    pub const fn new(size: UVec2, pixels: Vec<Rgb>) -> Picture {
+        Picture { size, pixels }
+    }
+}
+
 /// A render to be written.
 #[derive(Clone, Copy, Debug)]
 pub struct Rendered<'a> {
@@ -54,9 +61,9 @@ impl<'a> Rendered<'a> {
 
     /// The estimated radiance of every pixel.
     pub fn colours(&self) -> Picture {
-        Picture {
-            size: self.size(),
-            pixels: self.film.pixels().iter().map(|p| p.mean()).collect(),
-        }
+        Picture::new(
+            self.size(),
+            self.film.pixels().iter().map(|p| p.mean()).collect(),
+        )
     }
 }

@@ -121,10 +121,7 @@ mod tests {
 
     fn ramp() -> Picture {
         let value = |i: u32| Rgb::new(i as f32 / 1023.0, 0.5, 1.5 * i as f32 / 1023.0);
-        Picture {
-            size: UVec2::new(64, 16),
-            pixels: (0..1024).map(value).collect(),
-        }
+        Picture::new(UVec2::new(64, 16), (0..1024).map(value).collect())
     }
 
     fn written(picture: &Picture, display: &Display) -> Vec<u8> {

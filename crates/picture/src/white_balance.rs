@@ -253,10 +253,7 @@ mod tests {
         let light = Rgb(rgb_of(chromaticity_of_temperature(3200.0)));
         let mut pixels: Vec<Rgb> = (0..60).map(|i| light * (0.01 * i as f32)).collect();
         pixels.push(Rgb::new(f32::NAN, 0.0, 0.0));
-        let picture = Picture {
-            size: UVec2::new(61, 1),
-            pixels,
-        };
+        let picture = Picture::new(UVec2::new(61, 1), pixels);
         let found = WhiteBalance::Auto.resolve(&picture);
         let shown = found.adaptation().unwrap() * light.0;
         assert!(
@@ -271,10 +268,7 @@ mod tests {
         let (x, y) = text.split_once(',').unwrap();
         let read: [f32; 2] = [x, y].map(|v| v.parse().unwrap());
         assert_eq!(read, xy);
-        let black = Picture {
-            size: UVec2::ONE,
-            pixels: vec![Rgb::BLACK],
-        };
+        let black = Picture::new(UVec2::ONE, vec![Rgb::BLACK]);
         assert_eq!(WhiteBalance::Auto.resolve(&black), WhiteBalance::Off);
     }
 

@@ -34,6 +34,11 @@ pub(crate) fn pixel(value: [f64; 3], gain: f32) -> [u8; 3] {
 }
 
 impl Picture {
+    /// Of pixels.
+    pub const fn new(size: [u32; 2], pixels: Vec<[f32; 3]>) -> Picture {
+        Picture { size, pixels }
+    }
+
     /// The suitable gain.
     pub(crate) fn exposure(&self) -> f32 {
         exposure(self.pixels.iter().flatten().map(|&v| f64::from(v)))

@@ -1,6 +1,6 @@
 //! Scans of phantoms, whose answers are known.
 use glam::{DVec3, Quat, UVec3, Vec3};
-use organza_basis::curve::{SegmentList, Tile};
+use organza_basis::curve::SegmentList;
 use organza_basis::{Aabb, Budget, PathRng, Segment, unwatched, warp};
 use organza_scan::input::tiff::TiffSlices;
 use organza_scan::input::{SampleType, Shape, Slices};
@@ -22,13 +22,7 @@ fn looks() -> [PhantomLook; 3] {
 }
 
 fn list(size: f32, segments: Vec<Segment>) -> SegmentList {
-    SegmentList {
-        tile: Tile {
-            bounds_mm: Aabb::new(Vec3::ZERO, Vec3::splat(size)),
-            repeats: false,
-        },
-        segments,
-    }
+    SegmentList::new(Aabb::new(Vec3::ZERO, Vec3::splat(size)), false, segments)
 }
 
 /// Straight fibres in random places and directions, apart from each other.

@@ -231,11 +231,7 @@ fn draws(shares: [f32; LOBES], out: &Balanced) -> [f32; LOBES] {
 }
 
 fn finish(w_in: Vec3, value: Rgb, pdf: f32) -> Option<LobeSample> {
-    (pdf > 0.0).then(|| LobeSample {
-        w_in,
-        weight: value / pdf,
-        pdf,
-    })
+    (pdf > 0.0).then(|| LobeSample::new(w_in, value / pdf, pdf))
 }
 
 /// A near field without its fibre: what a tracker keeps of an event.
@@ -304,10 +300,6 @@ impl Lobe for NearField<'_> {
     fn sample(&self, _w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
         let turn = self.event.0.turn(self.optics, rng, true);
         let pdf = turn.scattered.pdf;
-        (pdf > 0.0).then(|| LobeSample {
-            w_in: turn.direction.into(),
-            weight: Rgb(turn.weight.into()),
-            pdf,
-        })
+        (pdf > 0.0).then(|| LobeSample::new(turn.direction.into(), Rgb(turn.weight.into()), pdf))
     }
 }

@@ -16,6 +16,13 @@ pub struct LobeSample {
     pub pdf: f32,
 }
 
+impl LobeSample {
+    /// A direction with its weight and density.
+    pub const fn new(w_in: Vec3, weight: Rgb, pdf: f32) -> LobeSample {
+        LobeSample { w_in, weight, pdf }
+    }
+}
+
 /// A scattering function at one event.
 ///
 /// # Contract

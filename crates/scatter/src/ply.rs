@@ -328,10 +328,6 @@ impl Lobe for PlyLobe<'_> {
             self.near().sample(w_out, rng)?.w_in
         };
         let pdf = self.pdf(w_out, w_in);
-        (pdf > 0.0).then(|| LobeSample {
-            w_in,
-            weight: self.eval(w_out, w_in) / pdf,
-            pdf,
-        })
+        (pdf > 0.0).then(|| LobeSample::new(w_in, self.eval(w_out, w_in) / pdf, pdf))
     }
 }

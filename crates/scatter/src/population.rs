@@ -17,6 +17,16 @@ pub struct FlakeOptics {
     pub end_on_ratio: f32,
 }
 
+impl FlakeOptics {
+    /// Of a colour and a roughness.
+    pub const fn new(albedo: Rgb, end_on_ratio: f32) -> FlakeOptics {
+        FlakeOptics {
+            albedo,
+            end_on_ratio,
+        }
+    }
+}
+
 /// Broadside area and end-on ratio of the flakes of a population, relative to a
 /// straight bundle of smooth fibres seen broadside: `spread_rad` and the end-on
 /// ratio of the single fibre, both in their whole range.
@@ -240,10 +250,7 @@ mod tests {
     /// between those of its parts.
     #[test]
     fn one_population_merges_to_its_own_flakes() {
-        let optics = |end_on_ratio, albedo| FlakeOptics {
-            albedo: Rgb::splat(albedo),
-            end_on_ratio,
-        };
+        let optics = |end_on_ratio, albedo| FlakeOptics::new(Rgb::splat(albedo), end_on_ratio);
         let materials = FlakeMaterials::new(vec![optics(0.1, 0.9), optics(0.0, 0.3)]);
         let mut rng = PathRng::from_seed(12);
         for _ in 0..200 {
@@ -278,10 +285,7 @@ mod tests {
     /// The population of most extinction, not of most length, and wherever it stands.
     #[test]
     fn a_merged_mixture_is_named_after_its_largest_population() {
-        let optics = FlakeOptics {
-            albedo: Rgb::splat(0.5),
-            end_on_ratio: 0.1,
-        };
+        let optics = FlakeOptics::new(Rgb::splat(0.5), 0.1);
         let materials = FlakeMaterials::new(vec![optics]);
         let population =
             |length_density_per_mm2, radius_mm, axis, spread_rad, yarn| FibrePopulation {

@@ -17,17 +17,19 @@ pub struct Footprint {
 
 impl Footprint {
     /// The whole cloth.
-    pub const FAR: Footprint = Footprint {
-        position_mm: Vec2::ZERO,
-        width_mm: f32::INFINITY,
-    };
+    pub const FAR: Footprint = Footprint::new(Vec2::ZERO, f32::INFINITY);
+
+    /// So wide about a place.
+    pub const fn new(position_mm: Vec2, width_mm: f32) -> Footprint {
+        Footprint {
+            position_mm,
+            width_mm,
+        }
+    }
 
     /// A point.
     pub fn point(position_mm: Vec2) -> Footprint {
-        Footprint {
-            position_mm,
-            width_mm: 0.0,
-        }
+        Footprint::new(position_mm, 0.0)
     }
 }
 

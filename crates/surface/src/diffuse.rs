@@ -122,11 +122,8 @@ impl Surface for DiffuseSheet {
         let w = warp::cosine_hemisphere(rng.unit2());
         let w_in = Vec3::new(w.x, w.y, w.z.copysign(side));
         let pdf = self.pdf(w_out, w_in, at);
-        (pdf > 0.0).then(|| LobeSample {
-            w_in,
-            weight: self.eval(w_out, w_in, at) * (w_in.z.abs() / pdf),
-            pdf,
-        })
+        (pdf > 0.0)
+            .then(|| LobeSample::new(w_in, self.eval(w_out, w_in, at) * (w_in.z.abs() / pdf), pdf))
     }
 
     fn axis(&self, _: Footprint) -> Vec3 {

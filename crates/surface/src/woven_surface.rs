@@ -402,11 +402,8 @@ impl Surface for WovenSurface {
         let value = self.scattered(side, under.far, local, w_in, w_out);
         let weight = value * (w_in.z.abs() / pdf);
         let w_in = if is_front { w_in } else { behind(w_in) };
-        (weight.is_valid() && !weight.is_black()).then_some(Passage::Scattered(LobeSample {
-            w_in,
-            weight,
-            pdf,
-        }))
+        (weight.is_valid() && !weight.is_black())
+            .then_some(Passage::Scattered(LobeSample::new(w_in, weight, pdf)))
     }
 
     fn axis(&self, at: Footprint) -> Vec3 {

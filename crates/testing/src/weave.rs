@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use organza_basis::Aabb;
-use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::curve::{Segment, SegmentList};
 use std::f32::consts::TAU;
 
 /// A repeating tile of 0.2 x 0.2 mm with 24 straight fibres each way, in three layers. The
@@ -22,11 +22,8 @@ pub fn little_weave(bend_mm: f32, material_y: u16) -> SegmentList {
             ..Segment::straight(along_y[0], along_y[1], 0.006)
         });
     }
-    let tile = Tile {
-        bounds_mm: Aabb::new(Vec3::ZERO, Vec3::new(0.2, 0.2, 0.12)),
-        repeats: true,
-    };
-    SegmentList { tile, segments }
+    let bounds_mm = Aabb::new(Vec3::ZERO, Vec3::new(0.2, 0.2, 0.12));
+    SegmentList::new(bounds_mm, true, segments)
 }
 
 /// A repeating tile of 0.3 x 0.3 mm, 0.2 mm thick, with three twisted yarns each way. Yarns
@@ -57,11 +54,5 @@ pub fn twisted_weave() -> SegmentList {
         }
     }
     let bounds_mm = Aabb::new(Vec3::ZERO, Vec3::new(period, period, 0.2));
-    SegmentList {
-        tile: Tile {
-            bounds_mm,
-            repeats: true,
-        },
-        segments,
-    }
+    SegmentList::new(bounds_mm, true, segments)
 }

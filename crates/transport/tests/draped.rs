@@ -44,11 +44,7 @@ fn over(mesh: Mesh, volume: AnyMedium) -> AnyMedium {
 }
 
 fn scene(media: Vec<AnyMedium>, lights: Vec<Light>) -> Scene {
-    let pose = CameraPose {
-        origin_mm: DVec3::new(0.6, -1.5, 4.0),
-        target_mm: DVec3::ZERO,
-        up: DVec3::Y,
-    };
+    let pose = CameraPose::new(DVec3::new(0.6, -1.5, 4.0), DVec3::ZERO, DVec3::Y);
     let projection = Projection::Perspective { fov_rad: 0.5 };
     Scene {
         media,
@@ -71,10 +67,10 @@ fn picture(scene: &Scene, integrator: Integrator, seed: u64) -> Film {
 fn lamps() -> Vec<Light> {
     vec![
         sun(Vec3::new(0.4, 0.3, -0.87), 2.0),
-        Light::from(EnvironmentLight {
-            radiance: Rgb::new(0.3, 0.2, 0.1),
-            hemisphere: Hemisphere::Back,
-        }),
+        Light::from(EnvironmentLight::new(
+            Rgb::new(0.3, 0.2, 0.1),
+            Hemisphere::Back,
+        )),
     ]
 }
 
@@ -202,11 +198,7 @@ impl Surface for Paper {
         let w = warp::cosine_hemisphere(rng.unit2());
         let w_in = Vec3::new(w.x, w.y, w.z * side * w_out.z.signum());
         let pdf = self.pdf(w_out, w_in, at);
-        Some(LobeSample {
-            w_in,
-            weight: Rgb::WHITE,
-            pdf,
-        })
+        Some(LobeSample::new(w_in, Rgb::WHITE, pdf))
     }
     fn pdf(&self, w_out: Vec3, w_in: Vec3, at: Footprint) -> f32 {
         self.eval(w_out, w_in, at).0.x * w_in.z.abs()

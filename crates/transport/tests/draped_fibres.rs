@@ -59,10 +59,7 @@ fn seen(
 fn lamps() -> Vec<Light> {
     vec![
         sun(Vec3::new(0.3, 0.2, -0.93), 2.0),
-        Light::from(EnvironmentLight {
-            radiance: Rgb::splat(0.5),
-            hemisphere: Hemisphere::Back,
-        }),
+        Light::from(EnvironmentLight::new(Rgb::splat(0.5), Hemisphere::Back)),
     ]
 }
 

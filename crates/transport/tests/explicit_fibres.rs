@@ -3,7 +3,7 @@
 
 use crate::scenes::{direction, octree, orthographic, rendered, sun, white_sky};
 use glam::{DVec3, Vec2, Vec3};
-use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::curve::{Segment, SegmentList};
 use organza_basis::{Aabb, Moments, PathRng, Rgb, unwatched};
 use organza_scatter::{DielectricFibre, DielectricParameters, Fibre};
 use organza_testing::{csv_numbers, dielectric_fibre};
@@ -43,13 +43,7 @@ fn strewn(packing: f32, size_mm: Vec3, seed: u64) -> SegmentList {
             }
         })
         .collect();
-    SegmentList {
-        tile: Tile {
-            bounds_mm: Aabb::new(Vec3::ZERO, size_mm),
-            repeats: true,
-        },
-        segments,
-    }
+    SegmentList::new(Aabb::new(Vec3::ZERO, size_mm), true, segments)
 }
 
 fn traced(source: &SegmentList, fibre: Fibre) -> AnyMedium {
@@ -120,17 +114,9 @@ fn one_cylinder_keeps_the_energy_of_ray_optics() {
         };
         let fibre = Fibre::from(DielectricFibre::new(parameters).unwrap());
         let bounds_mm = Aabb::new(Vec3::splat(-2.0), Vec3::splat(2.0));
-        let tile = Tile {
-            bounds_mm,
-            repeats: false,
-        };
         let segments = vec![Segment::straight(-2.0 * Vec3::X, 2.0 * Vec3::X, 0.1)];
-        let scene = scene(
-            vec![traced(&SegmentList { tile, segments }, fibre)],
-            Vec::new(),
-            Vec3::Z,
-            1,
-        );
+        let source = SegmentList::new(bounds_mm, false, segments);
+        let scene = scene(vec![traced(&source, fibre)], Vec::new(), Vec3::Z, 1);
         let (sin, cos) = theta.to_radians().sin_cos();
         let d = Vec3::new(sin, 0.0, -cos);
         let mut stats = Stats::default();

@@ -4,7 +4,7 @@
 
 use crate::furnace::gather;
 use glam::Vec3;
-use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::curve::{Segment, SegmentList};
 use organza_basis::hypothesis::{t_test, welch_test};
 use organza_basis::{Aabb, Moments, PathRng, Ray, Rgb, unwatched, warp};
 use organza_transport::{
@@ -23,17 +23,15 @@ fn cloth() -> Octree {
         let way = (mean + 0.3 * warp::uniform_sphere(rng.unit2())).normalize() * 0.03;
         segments.push(Segment::straight(centre - way, centre + way, 0.008));
     }
-    let tile = Tile {
-        bounds_mm: Aabb::new(Vec3::ZERO, Vec3::splat(EDGE_MM)),
-        repeats: true,
-    };
+    let bounds_mm = Aabb::new(Vec3::ZERO, Vec3::splat(EDGE_MM));
+    let source = SegmentList::new(bounds_mm, true, segments);
     let options = VoxelizeOptions {
         voxel_mm: 0.02,
         levels: Some(3),
         footprint: FibreFootprint::Covered,
         max_memory_bytes: None,
     };
-    voxelize(&SegmentList { tile, segments }, &options, &unwatched).unwrap()
+    voxelize(&source, &options, &unwatched).unwrap()
 }
 
 fn flakes(family: FlakeFamily, albedo: f32) -> FlakeOctreeMedium {
@@ -41,10 +39,7 @@ fn flakes(family: FlakeFamily, albedo: f32) -> FlakeOctreeMedium {
 }
 
 fn flakes_at(level: u8, family: FlakeFamily, albedo: f32) -> FlakeOctreeMedium {
-    let optics = FlakeOptics {
-        albedo: Rgb::splat(albedo),
-        end_on_ratio: 0.2,
-    };
+    let optics = FlakeOptics::new(Rgb::splat(albedo), 0.2);
     FlakeOctreeMedium::new(cloth(), level, vec![optics], family).unwrap()
 }
 

@@ -74,11 +74,11 @@ impl Medium for TransposedFrame {
         // The rows of the frame's matrix taken for its columns.
         let wrong = frame.frame_from_world(local);
         let w_in = (2.0 * w_out.dot(wrong) * wrong - w_out).normalize();
-        Some(LobeSample {
+        Some(LobeSample::new(
             w_in,
-            weight: right.weight,
-            pdf: self.0.pdf(site, w_out, w_in),
-        })
+            right.weight,
+            self.0.pdf(site, w_out, w_in),
+        ))
     }
     fn pdf(&self, site: &Self::Site, w_out: Vec3, w_in: Vec3) -> f32 {
         self.0.pdf(site, w_out, w_in)

@@ -55,10 +55,7 @@ impl MixtureSource for Stripes {
 }
 
 fn medium(octree: &Arc<Octree>, level: u8) -> FlakeOctreeMedium {
-    let optics = FlakeOptics {
-        albedo: Rgb::splat(0.9),
-        end_on_ratio: 0.1,
-    };
+    let optics = FlakeOptics::new(Rgb::splat(0.9), 0.1);
     FlakeOctreeMedium::new(
         Arc::clone(octree),
         level,

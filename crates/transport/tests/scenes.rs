@@ -10,29 +10,22 @@ use std::ops::ControlFlow;
 
 /// A camera that looks from one point at another, without perspective.
 pub fn orthographic(origin_mm: DVec3, target_mm: DVec3, width_mm: f64, pixels: u32) -> Camera {
-    let pose = CameraPose {
-        origin_mm,
-        target_mm,
-        up: DVec3::Y,
-    };
+    let pose = CameraPose::new(origin_mm, target_mm, DVec3::Y);
     let projection = Projection::Orthographic { width_mm };
     Camera::new(projection, pose, UVec2::splat(pixels), PixelFilter::Box).unwrap()
 }
 
 /// Even white light from a half of the sphere, or from all of it.
 pub fn white_sky(hemisphere: Hemisphere) -> Light {
-    Light::from(EnvironmentLight {
-        radiance: Rgb::WHITE,
-        hemisphere,
-    })
+    Light::from(EnvironmentLight::new(Rgb::WHITE, hemisphere))
 }
 
 /// Parallel grey light.
 pub fn sun(direction: Vec3, irradiance: f32) -> Light {
-    Light::from(DirectionalLight {
-        direction: direction.normalize(),
-        irradiance: Rgb::splat(irradiance),
-    })
+    Light::from(DirectionalLight::new(
+        direction.normalize(),
+        Rgb::splat(irradiance),
+    ))
 }
 
 pub fn direction(theta_deg: f32, phi_deg: f32) -> Vec3 {

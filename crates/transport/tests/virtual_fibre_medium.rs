@@ -3,7 +3,7 @@
 
 use crate::scenes::{direction, octree, orthographic, rendered, sun, white_sky};
 use glam::{DVec3, Vec3};
-use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::curve::{Segment, SegmentList};
 use organza_basis::hypothesis::SphereGrid;
 use organza_basis::{Aabb, FibrePopulation, Mixture, Moments, PathRng, Ray, Rgb};
 use organza_scatter::{
@@ -43,11 +43,7 @@ fn slab(fibre: Fibre, event: VirtualFibreEvent) -> VirtualFibreMedium {
         }
     }
     let bounds_mm = Aabb::new(Vec3::ZERO, Vec3::new(width, width, THICKNESS_MM));
-    let tile = Tile {
-        bounds_mm,
-        repeats: true,
-    };
-    let octree = octree(&SegmentList { tile, segments }, VOXEL_MM, 1);
+    let octree = octree(&SegmentList::new(bounds_mm, true, segments), VOXEL_MM, 1);
     VirtualFibreMedium::new(octree, 0, vec![fibre], event).unwrap()
 }
 
@@ -365,17 +361,15 @@ fn levels_and_materials_that_do_not_exist_are_refused() {
 fn a_lone_fibre_is_met_at_its_surface() {
     let middle = Vec3::new(0.05, 0.05, 0.1);
     let bounds_mm = Aabb::new(Vec3::ZERO, Vec3::new(0.1, 0.1, 0.2));
-    let list = SegmentList {
-        tile: Tile {
-            bounds_mm,
-            repeats: false,
-        },
-        segments: vec![Segment::straight(
+    let list = SegmentList::new(
+        bounds_mm,
+        false,
+        vec![Segment::straight(
             middle - 0.04 * Vec3::X,
             middle + 0.04 * Vec3::X,
             RADIUS_MM,
         )],
-    };
+    );
     let octree = octree(&list, 0.002, 1);
     let medium =
         VirtualFibreMedium::new(octree, 0, vec![fitted()], VirtualFibreEvent::Packed).unwrap();

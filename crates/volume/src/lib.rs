@@ -14,19 +14,15 @@
 //! ```
 //! use glam::Vec3;
 //! use organza_basis::{Aabb, Budget, unwatched};
-//! use organza_basis::curve::{Segment, SegmentList, Tile};
+//! use organza_basis::curve::{Segment, SegmentList};
 //! use organza_volume::{FibreFootprint, VoxelizeOptions, ovox, voxelize};
 //!
 //! # fn main() -> Result<(), organza_volume::Error> {
 //! // One fibre of 10 um across a tile of 0.1 mm.
 //! let ends = [Vec3::new(0.0, 0.05, 0.02), Vec3::new(0.1, 0.05, 0.02)];
-//! let source = SegmentList {
-//!     tile: Tile {
-//!         bounds_mm: Aabb::new(Vec3::ZERO, Vec3::new(0.1, 0.1, 0.04)),
-//!         repeats: true,
-//!     },
-//!     segments: vec![Segment::straight(ends[0], ends[1], 0.005)],
-//! };
+//! let bounds_mm = Aabb::new(Vec3::ZERO, Vec3::new(0.1, 0.1, 0.04));
+//! let segments = vec![Segment::straight(ends[0], ends[1], 0.005)];
+//! let source = SegmentList::new(bounds_mm, true, segments);
 //! let options = VoxelizeOptions {
 //!     voxel_mm: 0.02,
 //!     levels: None,

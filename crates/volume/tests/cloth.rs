@@ -93,13 +93,7 @@ impl SegmentSource for PlainWeave {
 
 /// Segments in a box that does not repeat.
 pub fn list(min: Vec3, max: Vec3, segments: Vec<Segment>) -> SegmentList {
-    SegmentList {
-        tile: Tile {
-            bounds_mm: Aabb::new(min, max),
-            repeats: false,
-        },
-        segments,
-    }
+    SegmentList::new(Aabb::new(min, max), false, segments)
 }
 
 /// Length of all segments, summed in double precision.

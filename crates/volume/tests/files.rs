@@ -192,10 +192,7 @@ fn nrrd_returns_the_grids_of_a_level() {
     use organza_scatter::{FlakeMaterials, FlakeOptics};
     use organza_volume::format::{Open, Source, Volume, Voxels, nrrd};
     let tree = cotton_octree(0.05);
-    let optics = FlakeOptics {
-        albedo: organza_basis::Rgb::new(0.9, 0.5, 0.25),
-        end_on_ratio: 0.1,
-    };
+    let optics = FlakeOptics::new(organza_basis::Rgb::new(0.9, 0.5, 0.25), 0.1);
     let materials = FlakeMaterials::new(vec![optics; 4]);
     let merge = |mixture: &organza_basis::Mixture| materials.merged(mixture);
     let expected = organza_volume::GridSet::from_octree(&tree, 1, &merge);

@@ -8,10 +8,7 @@ use organza_volume::{Error, GridSet};
 /// Rough fibres, alike in all materials.
 fn merge(mixture: &Mixture) -> MergedFlakes {
     static MATERIALS: std::sync::LazyLock<FlakeMaterials> = std::sync::LazyLock::new(|| {
-        let optics = FlakeOptics {
-            albedo: organza_basis::Rgb::new(0.9, 0.5, 0.25),
-            end_on_ratio: 0.1,
-        };
+        let optics = FlakeOptics::new(organza_basis::Rgb::new(0.9, 0.5, 0.25), 0.1);
         FlakeMaterials::new(vec![optics; 4])
     });
     MATERIALS.merged(mixture)

@@ -38,10 +38,7 @@ pub fn listed<T: Display>(numbers: &[T]) -> String {
 /// Four edges of a crop: left, top, right, bottom.
 pub fn crop<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Crop>, D::Error> {
     let edges = Option::<[u32; 4]>::deserialize(from)?;
-    Ok(edges.map(|[x0, y0, x1, y1]| Crop {
-        min: UVec2::new(x0, y0),
-        max: UVec2::new(x1, y1),
-    }))
+    Ok(edges.map(|[x0, y0, x1, y1]| Crop::new(UVec2::new(x0, y0), UVec2::new(x1, y1))))
 }
 
 /// The first of some things, and the one after the last.

@@ -128,10 +128,7 @@ pub fn pair_values(pairs: &[Pair], paths: u64, numbers: &[f64]) -> Vec<PairValue
     let each = pairs.iter().zip(numbers.chunks_exact(PAIR_NUMBERS));
     let value = |(pair, v): (&Pair, &[f64])| PairValue {
         pair: *pair,
-        bsdf: Measured {
-            mean: [v[0], v[1], v[2]],
-            se: [v[3], v[4], v[5]],
-        },
+        bsdf: Measured::new([v[0], v[1], v[2]], [v[3], v[4], v[5]]),
         paths,
     };
     each.map(value).collect()

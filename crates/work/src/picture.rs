@@ -116,10 +116,7 @@ pub fn write_denoised(
         write_with(path, |out| exr::write_denoised(rendered, colours, out))?;
         return Ok(files);
     };
-    let picture = Picture {
-        size: rendered.size(),
-        pixels: colours.to_vec(),
-    };
+    let picture = Picture::new(rendered.size(), colours.to_vec());
     // Both are shown alike, so that they can be compared.
     let display = rendered.display.resolve(&rendered.colours());
     let write = |picture: Picture| -> output::WriteFile<'_> {
@@ -137,10 +134,7 @@ pub fn write_denoised(
 /// # Errors
 /// The file cannot be written.
 pub fn write_plain(path: &Path, size: UVec2, pixels: &[Rgb]) -> Result<()> {
-    let picture = Picture {
-        size,
-        pixels: pixels.to_vec(),
-    };
+    let picture = Picture::new(size, pixels.to_vec());
     write_with(path, |out| exr::write_colours(&picture, out))
 }
 

@@ -9,10 +9,7 @@ use std::time::Duration;
 pub fn parse_crop(text: &str) -> Result<Crop, String> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
     match numbers.as_deref() {
-        Some(&[x0, y0, x1, y1]) => Ok(Crop {
-            min: UVec2::new(x0, y0),
-            max: UVec2::new(x1, y1),
-        }),
+        Some(&[x0, y0, x1, y1]) => Ok(Crop::new(UVec2::new(x0, y0), UVec2::new(x1, y1))),
         _ => Err("expected four whole numbers of at least 0, X0,Y0,X1,Y1".into()),
     }
 }

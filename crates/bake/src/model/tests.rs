@@ -157,11 +157,10 @@ fn known_values_of_matte_surfaces_and_widths() {
 #[test]
 fn a_patch_is_the_mean_of_its_texels_with_their_coverage() {
     let albedos = Albedos::new();
-    let angles = |theta_deg, phi_deg| organza_measure::Angles { theta_deg, phi_deg };
-    let pair = Pair {
-        incident: angles(20.0, 0.0),
-        exitant: angles(40.0, 120.0),
-    };
+    let pair = Pair::new(
+        organza_measure::Angles::new(20.0, 0.0),
+        organza_measure::Angles::new(40.0, 120.0),
+    );
     let p = Parameters {
         reflectance: [1.0; 3],
         transmittance: 1.0,

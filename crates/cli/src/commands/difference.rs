@@ -121,10 +121,7 @@ impl Measured {
                 let pixels = film.pixels();
                 let is_known = pixels.iter().all(|p| p.count() > 1);
                 Ok(Measured {
-                    picture: Picture {
-                        size: film.size(),
-                        pixels: pixels.iter().map(|p| p.mean()).collect(),
-                    },
+                    picture: Picture::new(film.size(), pixels.iter().map(|p| p.mean()).collect()),
                     variance: is_known
                         .then(|| pixels.iter().map(|p| p.variance_of_mean()).collect()),
                     attributes,
@@ -361,10 +358,7 @@ mod tests {
         let mut value = || Rgb::splat(mean + width * (rng.unit() - 0.5));
         let count = SIZE.element_product() as usize;
         Measured {
-            picture: Picture {
-                size: SIZE,
-                pixels: (0..count).map(|_| value()).collect(),
-            },
+            picture: Picture::new(SIZE, (0..count).map(|_| value()).collect()),
             variance: Some(vec![Rgb::splat(0.01); count]),
             attributes: Attributes::default(),
         }

@@ -205,10 +205,7 @@ fn to_mitsuba(args: &MitsubaArgs) -> Result<()> {
         files.push((folder.join(name), write));
     }
     for (name, size, pixels) in &export.pictures {
-        let picture = Picture {
-            size: *size,
-            pixels: pixels.clone(),
-        };
+        let picture = Picture::new(*size, pixels.clone());
         let write: WriteFile<'_> =
             Box::new(move |mut out| Ok(exr::write_colours(&picture, &mut out)?));
         files.push((folder.join(name), write));

@@ -70,10 +70,10 @@ fn tiled(side: &Side, picture: &[[f64; 3]]) -> Picture {
     let rows = (0..size[1])
         .rev()
         .flat_map(|y| (0..size[0]).map(move |x| (x, y)));
-    Picture {
-        size: size.map(|n| n as u32),
-        pixels: rows.map(|(x, y)| pixel(x, y)).collect(),
-    }
+    Picture::new(
+        size.map(|n| n as u32),
+        rows.map(|(x, y)| pixel(x, y)).collect(),
+    )
 }
 
 /// The side of a report: a part of the photograph, both folded pictures, and words.

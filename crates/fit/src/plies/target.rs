@@ -222,10 +222,7 @@ fn effort_for(args: &FitJob, observed: &Observed) -> Effort {
     }
 }
 
-const NONE: Measured = Measured {
-    mean: [0.0; 3],
-    se: [0.0; 3],
-};
+const NONE: Measured = Measured::new([0.0; 3], [0.0; 3]);
 
 /// All channels, with their groups.
 fn values(observed: &Observed) -> Vec<Value> {

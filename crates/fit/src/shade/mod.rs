@@ -108,12 +108,9 @@ impl Looks<'_> {
                 None => (geometry, Matter::new(&fabric, path, shown, options)?),
             });
             let patch = matter.patch(&fabric, path, options)?;
-            let effort = Effort {
-                paths: factor * args.spp.unwrap_or(PATHS),
-                // The last look is another.
-                seed: args.seed.wrapping_add(u64::from(factor > 1)),
-                target_error: None,
-            };
+            // The last look is another.
+            let seed = args.seed.wrapping_add(u64::from(factor > 1));
+            let effort = Effort::new(factor * args.spp.unwrap_or(PATHS), seed);
             let stop = |_| args.context.flow();
             let (seen, _) = measure_sides(&patch, beam, &effort, &|c| c, &stop)?;
             Ok(to_numbers(&seen))

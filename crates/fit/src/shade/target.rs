@@ -156,10 +156,7 @@ pub const NUMBERS: usize = 2 * 2 * 4 * 2 * 3;
 /// The inverse of [`to_numbers`].
 pub fn from_numbers(list: &[f64]) -> Seen {
     let three = |at: usize| std::array::from_fn(|c| list[at + c]);
-    let measured = |at: usize| Measured {
-        mean: three(at),
-        se: three(at + 3),
-    };
+    let measured = |at: usize| Measured::new(three(at), three(at + 3));
     let shares = |at: usize| SideShares {
         straight: measured(at),
         scattered: measured(at + 6),

@@ -65,11 +65,11 @@ pub fn numbers<F: Floats>(all: &[f32; BLOCK], first: usize) -> F {
 /// Some vectors of a block.
 #[inline(always)]
 pub fn vectors<F: Floats>(all: &[[f32; BLOCK]; 3], first: usize) -> V3<F> {
-    V3 {
-        x: numbers(&all[0], first),
-        y: numbers(&all[1], first),
-        z: numbers(&all[2], first),
-    }
+    V3::new(
+        numbers(&all[0], first),
+        numbers(&all[1], first),
+        numbers(&all[2], first),
+    )
 }
 
 /// The pieces from number `first` on.

@@ -131,10 +131,7 @@ mod tests {
     /// What all the paths carry that one is divided into, on average over many numbers, and
     /// how many they are.
     fn carried(throughput: Vec3) -> (DVec3, f64) {
-        let sun = Light::from(DirectionalLight {
-            direction: Vec3::NEG_Z,
-            irradiance: Rgb::WHITE,
-        });
+        let sun = Light::from(DirectionalLight::new(Vec3::NEG_Z, Rgb::WHITE));
         let importance = Importance::new(&[sun], Vec3::ZERO).unwrap();
         let matter = FibreMatter::new(&[], Vec::new(), u64::MAX).unwrap();
         let mut paths = Paths::new(&matter);

@@ -163,17 +163,14 @@ mod tests {
     use organza_light::{DirectionalLight, EnvironmentLight, RectangleLight};
 
     fn sun(direction: Vec3, irradiance: f32) -> Light {
-        Light::from(DirectionalLight {
-            direction: direction.normalize(),
-            irradiance: Rgb::WHITE * irradiance,
-        })
+        Light::from(DirectionalLight::new(
+            direction.normalize(),
+            Rgb::WHITE * irradiance,
+        ))
     }
 
     fn sky() -> Light {
-        Light::from(EnvironmentLight {
-            radiance: Rgb::WHITE,
-            hemisphere: Hemisphere::All,
-        })
+        Light::from(EnvironmentLight::new(Rgb::WHITE, Hemisphere::All))
     }
 
     #[test]

@@ -32,11 +32,7 @@ impl<F: Floats> OwnFrame<F> {
     pub fn own(&self, w: V3<F>) -> V3<F> {
         match &self.axes {
             None => w,
-            Some([x, y, z]) => V3 {
-                x: x.dot(w),
-                y: y.dot(w),
-                z: z.dot(w),
-            },
+            Some([x, y, z]) => V3::new(x.dot(w), y.dot(w), z.dot(w)),
         }
     }
 

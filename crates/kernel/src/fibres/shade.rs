@@ -326,10 +326,7 @@ fn first_event(matter: &FibreMatter, paths: &Paths, slot: usize) -> FirstEvent {
         _ => axis,
     };
     FirstEvent {
-        info: SiteInfo {
-            axis,
-            yarn: Some(yarn(matter, paths, slot)),
-        },
+        info: SiteInfo::new(axis, Some(yarn(matter, paths, slot))),
         depth_mm: paths.before_mm[slot] + f64::from(paths.met.distance[slot]),
     }
 }

@@ -28,10 +28,10 @@ pub fn tally(words: &[u32]) -> Tally {
 pub fn bright_sample(words: &[u32]) -> (u32, Sample) {
     let three = |at: usize| [0, 1, 2].map(|k| f32::from_bits(words[at + k]));
     let first = || FirstEvent {
-        info: SiteInfo {
-            axis: Vec3::from_array(three(8)),
-            yarn: (words[11] != NONE).then_some(words[11]),
-        },
+        info: SiteInfo::new(
+            Vec3::from_array(three(8)),
+            (words[11] != NONE).then_some(words[11]),
+        ),
         depth_mm: f64::from(f32::from_bits(words[7])),
     };
     let sample = Sample {

@@ -28,11 +28,7 @@ pub fn decoded<F: Floats, const BITS: u32>(code: F::Ints) -> V3<F> {
     let y = coordinate::<F, BITS>(code);
     let z = one - x.abs() - y.abs();
     let fold = (-z).max(F::splat(0.0));
-    V3 {
-        x: x - with_sign_of(fold, x),
-        y: y - with_sign_of(fold, y),
-        z,
-    }
+    V3::new(x - with_sign_of(fold, x), y - with_sign_of(fold, y), z)
 }
 
 #[inline(always)]

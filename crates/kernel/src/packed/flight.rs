@@ -151,11 +151,7 @@ impl<F: Floats> Lanes<F> {
     #[inline(always)]
     fn none() -> Lanes<F> {
         let (zero, word) = (F::splat(0.0), F::Ints::splat(0));
-        let zeros = V3 {
-            x: zero,
-            y: zero,
-            z: zero,
-        };
+        let zeros = V3::new(zero, zero, zero);
         Lanes {
             rng: LaneRng::from_words([word; 3]),
             at: zeros,

@@ -66,16 +66,8 @@ impl<F: Floats> Aim<F> {
         stats: &mut Stats,
     ) -> F {
         let (at, toward) = (stored(paths.at), stored(self.toward));
-        let beyond = stored(V3 {
-            x: paths.beyond[0],
-            y: paths.beyond[1],
-            z: F::splat(0.0),
-        });
-        let numbers = stored(V3 {
-            x: self.distance_mm,
-            y: self.table_depth,
-            z: chance,
-        });
+        let beyond = stored(V3::new(paths.beyond[0], paths.beyond[1], F::splat(0.0)));
+        let numbers = stored(V3::new(self.distance_mm, self.table_depth, chance));
         let mut through = [0.0; MAX_LANES];
         for lane in SetBits(traced.bits()) {
             let [at, toward, beyond, numbers] =

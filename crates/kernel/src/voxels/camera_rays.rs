@@ -171,11 +171,7 @@ pub fn inverse_of_step<F: Floats>(step: V3<F>) -> V3<F> {
     let (x, y, z) = (not_zero(step.x), not_zero(step.y), not_zero(step.z));
     let (xy, yz) = (x * y, y * z);
     let per_all = F::splat(1.0) / (xy * z);
-    V3 {
-        x: yz * per_all,
-        y: x * z * per_all,
-        z: xy * per_all,
-    }
+    V3::new(yz * per_all, x * z * per_all, xy * per_all)
 }
 
 #[inline(always)]

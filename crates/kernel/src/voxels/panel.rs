@@ -53,11 +53,7 @@ impl Panel {
         v: F,
         mask: F::Mask,
     ) -> Toward<F> {
-        let place = V3 {
-            x: at.x + beyond[0],
-            y: at.y + beyond[1],
-            z: at.z,
-        };
+        let place = V3::new(at.x + beyond[0], at.y + beyond[1], at.z);
         let drawn = V3::splat(self.edges_mm[0]).scaled_add(u, V3::splat(self.corner_mm));
         let drawn = V3::splat(self.edges_mm[1]).scaled_add(v, drawn);
         let to = drawn - place.times(V3::splat(self.voxel_mm));

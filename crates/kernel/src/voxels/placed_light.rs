@@ -106,11 +106,7 @@ impl PlacedLight {
         rng: &mut LaneRng<F::Ints>,
         mask: F::Mask,
     ) -> Toward<F> {
-        let places = stored(V3 {
-            x: at.x + beyond[0],
-            y: at.y + beyond[1],
-            z: at.z,
-        });
+        let places = stored(V3::new(at.x + beyond[0], at.y + beyond[1], at.z));
         let from_mm = |lane: usize| {
             let place = Vec3::from_array(places.map(|x| x[lane]));
             place * self.voxel_mm + self.min_mm

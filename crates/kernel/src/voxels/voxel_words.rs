@@ -138,11 +138,7 @@ impl<U: Ints> VoxelWords<U> {
         let y = octahedral(self.0[1]);
         let z = one - x.abs() - y.abs();
         let fold = (-z).max(U::Floats::splat(0.0));
-        V3 {
-            x: x - with_sign_of(fold, x),
-            y: y - with_sign_of(fold, y),
-            z,
-        }
+        V3::new(x - with_sign_of(fold, x), y - with_sign_of(fold, y), z)
     }
 }
 

@@ -279,11 +279,7 @@ pub fn add_lights_in_sight<F: Floats>(
     behind: bool,
 ) {
     let (at, direction) = (stored(paths.at), stored(paths.direction));
-    let depths = stored(V3 {
-        x: paths.beyond[0],
-        y: paths.beyond[1],
-        z: paths.depth,
-    });
+    let depths = stored(V3::new(paths.beyond[0], paths.beyond[1], paths.depth));
     let mut radiance = stored(paths.radiance);
     for lane in SetBits(mask.bits()) {
         let [at, direction, depths] =
@@ -319,11 +315,7 @@ fn scatter<F: Floats, E: Event<F>>(
     let meeting = Meeting {
         voxel: paths.voxel,
         place: paths.place,
-        w_out: V3 {
-            x: -paths.direction.x,
-            y: -paths.direction.y,
-            z: -paths.direction.z,
-        },
+        w_out: V3::new(-paths.direction.x, -paths.direction.y, -paths.direction.z),
     };
     let event = E::new(scene, &meeting, &mut paths.rng, met);
     let throughput = paths.throughput.times(event.common());
@@ -412,9 +404,5 @@ pub fn stored<F: Floats>(v: V3<F>) -> [[f32; MAX_LANES]; 3] {
 /// Lanes of components.
 #[inline(always)]
 pub fn loaded<F: Floats>([x, y, z]: &[[f32; MAX_LANES]; 3]) -> V3<F> {
-    V3 {
-        x: F::load(x),
-        y: F::load(y),
-        z: F::load(z),
-    }
+    V3::new(F::load(x), F::load(y), F::load(z))
 }

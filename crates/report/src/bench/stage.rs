@@ -132,10 +132,7 @@ fn radiance(lit: Lit) -> Vec<Rgb> {
 /// A file that cannot be written.
 pub fn write_rooms(write_file: WriteFile<'_>, folder: &Path) -> Result<(), ReportError> {
     for lit in Lit::ALL {
-        let picture = Picture {
-            size: ROOM,
-            pixels: radiance(lit),
-        };
+        let picture = Picture::new(ROOM, radiance(lit));
         let mut bytes = Cursor::new(Vec::new());
         exr::write_colours(&picture, &mut bytes)?;
         let path = folder.join(room_file(lit));

@@ -81,10 +81,7 @@ impl ComparisonPlan {
         let effort = &self.effort;
         let main = measure_pairs(patch, &self.layout, effort, watch)?;
         let in_plane = measure_pairs(patch, &in_plane_layout(IN_PLANE_DEG), effort, watch)?;
-        let exchanged = |v: &PairValue| Pair {
-            incident: v.pair.exitant,
-            exitant: v.pair.incident,
-        };
+        let exchanged = |v: &PairValue| Pair::new(v.pair.exitant, v.pair.incident);
         let reverse: Vec<Pair> = in_plane.list.iter().map(exchanged).collect();
         let again = Effort {
             seed: effort.seed ^ REVERSE_SEED,
@@ -100,17 +97,11 @@ impl ComparisonPlan {
         let albedos = measure_albedos(patch, &incident, &many, watch)?;
         let mut pictures = Vec::new();
         for light in &LIGHTS {
-            let pair = Pair {
-                incident: light.direction,
-                exitant: Angles::NORMAL,
-            };
+            let pair = Pair::new(light.direction, Angles::NORMAL);
             // Pictures are no part of what is counted.
             let (grid, paths) = (&self.grid, self.texel_paths);
             let texture = measure_texture(patch, pair, grid, paths, effort.seed, &|_| watch(0))?;
-            pictures.push(Picture {
-                size: self.grid.texels.to_array(),
-                pixels: texture.mean,
-            });
+            pictures.push(Picture::new(self.grid.texels.to_array(), texture.mean));
         }
         Ok(Measurement {
             model: model.into(),

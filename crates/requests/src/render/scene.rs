@@ -97,10 +97,7 @@ fn check(args: &RenderJob, file: &SceneFile, loader: &Loader<'_>) -> Result<()> 
     file.render.check().map_err(fail)?;
     scene_build::check(file, &args.scene, loader)?;
     let size = UVec2::from(file.camera(&args.scene)?.resolution);
-    let crop = args.crop.unwrap_or(Crop {
-        min: UVec2::ZERO,
-        max: size,
-    });
+    let crop = args.crop.unwrap_or(Crop::new(UVec2::ZERO, size));
     if let Some(why) = crop_fault(crop, size) {
         return Err(after_option(
             "crop",

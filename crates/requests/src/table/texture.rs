@@ -75,11 +75,7 @@ pub fn layout(fabric: &Fabric, most: u32) -> Option<TextureLayout> {
 /// The layout with the height of what is seen from the face; from the back the same is assumed.
 /// `None` of a patch without geometry, which is the same everywhere.
 pub fn at_height(layout: TextureLayout, patch: &AnyPatch, seed: u64) -> Option<TextureLayout> {
-    let names = PathNames {
-        seed,
-        stream: LOOK_STREAM,
-        paths: 0..LOOKS,
-    };
+    let names = PathNames::new(seed, LOOK_STREAM, 0..LOOKS);
     let place = |_: u64, rng: &mut PathRng| layout.origin_mm + rng.unit2() * layout.period_mm;
     let (mut sum, mut count) = (0.0f64, 0.0f64);
     let mut stats = Stats::default();
@@ -230,10 +226,7 @@ fn pixel_mean(
     for y in 0..READS {
         for x in 0..READS {
             let within = (Vec2::new(x as f32, y as f32) + 0.5) / READS as f32 - 0.5;
-            let at = Footprint {
-                position_mm: middle_mm + within * width_mm,
-                width_mm,
-            };
+            let at = Footprint::new(middle_mm + within * width_mm, width_mm);
             let value = surface.eval(w_out, w_in, at).0.to_array();
             sum.iter_mut()
                 .zip(value)

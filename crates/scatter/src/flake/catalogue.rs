@@ -142,10 +142,7 @@ mod tests {
     }
 
     fn mixtures(family: FlakeFamily) -> FlakeMixtures {
-        let optics = |albedo| FlakeOptics {
-            albedo: Rgb::splat(albedo),
-            end_on_ratio: 0.2,
-        };
+        let optics = |albedo| FlakeOptics::new(Rgb::splat(albedo), 0.2);
         family.of_materials(vec![optics(0.9), optics(0.5)])
     }
 

@@ -125,11 +125,7 @@ impl FlakeMixtures {
         let met = self.meet(mixture, w_out, rng)?;
         let w_in = self.scattering.sample(&met, w_out, rng)?;
         let (value, pdf) = self.eval(mixture, None, w_out, w_in);
-        (pdf > 0.0).then(|| LobeSample {
-            w_in,
-            weight: value / pdf,
-            pdf,
-        })
+        (pdf > 0.0).then(|| LobeSample::new(w_in, value / pdf, pdf))
     }
 }
 
@@ -172,10 +168,7 @@ mod tests {
             let [gaussians, sines] = ["gaussian", "sin-power"].map(|name| {
                 FlakeFamily::named(name)
                     .unwrap()
-                    .of_materials(vec![FlakeOptics {
-                        albedo: Rgb::WHITE,
-                        end_on_ratio: ratio,
-                    }])
+                    .of_materials(vec![FlakeOptics::new(Rgb::WHITE, ratio)])
             });
             for spread_rad in [0.02f32, 0.1, 0.3, 0.8, 3.0] {
                 let c = FibrePopulation {

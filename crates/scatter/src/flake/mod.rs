@@ -122,11 +122,11 @@ impl<F: MicroFlake> Lobe for SpecularFlakes<F> {
 
     fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
         let w_in = self.flakes.sample(w_out, rng);
-        Some(LobeSample {
+        Some(LobeSample::new(
             w_in,
-            weight: self.albedo,
-            pdf: self.flakes.eval(w_out, w_in),
-        })
+            self.albedo,
+            self.flakes.eval(w_out, w_in),
+        ))
     }
 }
 
@@ -171,10 +171,6 @@ impl Lobe for DiffuseFlake {
     fn sample(&self, w_out: Vec3, rng: &mut PathRng) -> Option<LobeSample> {
         let local = warp::cosine_hemisphere(rng.unit2());
         let w_in = Frame::from_normal(self.normal).world_from_frame(local);
-        Some(LobeSample {
-            w_in,
-            weight: self.albedo,
-            pdf: self.pdf(w_out, w_in),
-        })
+        Some(LobeSample::new(w_in, self.albedo, self.pdf(w_out, w_in)))
     }
 }

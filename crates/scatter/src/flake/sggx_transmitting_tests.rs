@@ -19,10 +19,7 @@ fn mixture(axis: Vec3, spread_rad: f32) -> Mixture {
 }
 
 fn flakes(fibre: ClearFibre, end_on_ratio: f32) -> FlakeMixtures {
-    let optics = FlakeOptics {
-        albedo: Rgb::WHITE,
-        end_on_ratio,
-    };
+    let optics = FlakeOptics::new(Rgb::WHITE, end_on_ratio);
     let scattering = TransmittingFlakes::new(&[optics], vec![fibre]);
     FlakeMixtures::new(vec![optics], Arc::new(scattering))
 }
@@ -90,10 +87,8 @@ fn directions_are_drawn_as_the_density_says() {
             let density = |w| f64::from(flakes.eval(&mixture, None, w_out, w).1);
             let v = grid.chi_square(draws(40_000), &mut drawn, density);
             assert!(!fails(v, 4), "seed 141, {end_on} {w_out}: {v:?}");
-            let mirrors = FlakeFamily::SGGX_SPECULAR.of_materials(vec![FlakeOptics {
-                albedo: Rgb::WHITE,
-                end_on_ratio: end_on,
-            }]);
+            let mirrors =
+                FlakeFamily::SGGX_SPECULAR.of_materials(vec![FlakeOptics::new(Rgb::WHITE, end_on)]);
             let mirrors = |w| f64::from(mirrors.eval(&mixture, None, w_out, w).1);
             let twin = grid.chi_square(draws(40_000), &mut drawn, mirrors);
             assert!(twin.p_value < 1e-6, "seed 141, {end_on} {w_out}: {twin:?}");

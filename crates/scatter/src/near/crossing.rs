@@ -63,11 +63,7 @@ impl<F: Floats> Crossing<F> {
         let z = self.channel(absorption.z);
         let mut all = [absorption; LOBES];
         for p in 0..LOBES {
-            all[p] = V3 {
-                x: x[p],
-                y: y[p],
-                z: z[p],
-            };
+            all[p] = V3::new(x[p], y[p], z[p]);
         }
         all
     }

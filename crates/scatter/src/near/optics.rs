@@ -292,11 +292,7 @@ impl<U: Ints> Place<'_, U> {
 
     #[inline(always)]
     fn vector(&self, k: u32) -> V3<U::Floats> {
-        V3 {
-            x: self.number(k),
-            y: self.number(k + 1),
-            z: self.number(k + 2),
-        }
+        V3::new(self.number(k), self.number(k + 1), self.number(k + 2))
     }
 
     #[inline(always)]

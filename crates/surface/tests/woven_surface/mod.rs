@@ -268,10 +268,7 @@ fn hard_directions_are_survived() {
             for &w_out in &directions {
                 for width_mm in [0.0, 0.5, f32::INFINITY] {
                     for position_mm in [Vec2::ZERO, Vec2::new(1e4, -1e4), Vec2::splat(-1e-9)] {
-                        let at = Footprint {
-                            position_mm,
-                            width_mm,
-                        };
+                        let at = Footprint::new(position_mm, width_mm);
                         let value = cloth.eval(w_out, w_in, at);
                         assert!(value.is_valid(), "{name} {w_in} {w_out} {value:?}");
                         let pdf = cloth.pdf(w_out, w_in, at);
@@ -298,14 +295,7 @@ fn footprints_blend_from_texture_to_mean() {
         .length();
     for i in 0..=200 {
         let width_mm = repeat * i as f32 / 150.0;
-        let here = cloth.eval(
-            w_out,
-            w_in,
-            Footprint {
-                position_mm,
-                width_mm,
-            },
-        );
+        let here = cloth.eval(w_out, w_in, Footprint::new(position_mm, width_mm));
         assert!(
             (here - before).0.length() < 0.05 * range,
             "a step at {width_mm}"

@@ -31,10 +31,7 @@ fn samples_estimate_what_sums_over_directions_give() {
         for case in 0..CASES {
             let position_mm = cloth.period_mm() * rng.unit2() * 5.0;
             let width_mm = [f32::INFINITY, 0.0, 0.75 * repeat][case % 3];
-            let at = Footprint {
-                position_mm,
-                width_mm,
-            };
+            let at = Footprint::new(position_mm, width_mm);
             let mut w_out = warp::cosine_hemisphere(rng.unit2());
             if case >= 3 {
                 w_out.z = -w_out.z;
@@ -72,10 +69,7 @@ fn the_density_integrates_to_what_is_drawn() {
         let cloth = spec.build().unwrap();
         let mut rng = PathRng::from_seed(46);
         for width_mm in [f32::INFINITY, 0.0] {
-            let at = Footprint {
-                position_mm: cloth.period_mm() * rng.unit2(),
-                width_mm,
-            };
+            let at = Footprint::new(cloth.period_mm() * rng.unit2(), width_mm);
             let w_out = direction(40.0, 70.0);
             // Counts and integral over 32 bands of the sphere, so that a density
             // in the wrong place shows.

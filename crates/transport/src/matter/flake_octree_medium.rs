@@ -124,9 +124,6 @@ impl Scatterer for FlakeMixtures {
             .mixture
             .iter()
             .max_by(|a, b| a.broadside_per_mm().total_cmp(&b.broadside_per_mm()));
-        densest.map_or(SiteInfo::default(), |c| SiteInfo {
-            axis: c.axis,
-            yarn: Some(c.yarn),
-        })
+        densest.map_or(SiteInfo::default(), |c| SiteInfo::new(c.axis, Some(c.yarn)))
     }
 }

@@ -229,10 +229,7 @@ impl Medium for GridMedium {
 
     fn info(&self, site: &GridSite) -> SiteInfo {
         // The flakes' thinnest direction is where the fibre runs.
-        SiteInfo {
-            axis: site.scattering.flakes.matrix().eigen()[2].1,
-            yarn: None,
-        }
+        SiteInfo::new(site.scattering.flakes.matrix().eigen()[2].1, None)
     }
 
     fn yarn(&self, _site: &GridSite) -> Option<u32> {

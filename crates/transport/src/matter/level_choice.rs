@@ -20,10 +20,7 @@ pub struct Detail {
 impl Detail {
     /// The piece of a sheet around a place that the path sees.
     pub(crate) fn footprint_at(self, position_mm: Vec2) -> Footprint {
-        Footprint {
-            position_mm,
-            width_mm: self.footprint_mm,
-        }
+        Footprint::new(position_mm, self.footprint_mm)
     }
 
     /// The finest representation of everything.

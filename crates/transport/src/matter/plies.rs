@@ -288,9 +288,6 @@ impl Site for PlySite<'_> {
     }
 
     fn info(&self) -> Option<SiteInfo> {
-        Some(SiteInfo {
-            axis: self.axis,
-            yarn: Some(self.yarn),
-        })
+        Some(SiteInfo::new(self.axis, Some(self.yarn)))
     }
 }

@@ -86,9 +86,9 @@ impl Site for SheetSite<'_> {
     }
 
     fn info(&self) -> Option<SiteInfo> {
-        Some(SiteInfo {
-            axis: self.frame.world_from_frame(self.surface.axis(self.at)),
-            yarn: None,
-        })
+        Some(SiteInfo::new(
+            self.frame.world_from_frame(self.surface.axis(self.at)),
+            None,
+        ))
     }
 }

@@ -417,9 +417,8 @@ impl Scatterer for VirtualFibres {
     }
 
     fn info(&self, site: &VirtualFibreSite) -> SiteInfo {
-        site.met.map_or(SiteInfo::default(), |met| SiteInfo {
-            axis: met.population.axis,
-            yarn: Some(met.population.yarn),
+        site.met.map_or(SiteInfo::default(), |met| {
+            SiteInfo::new(met.population.axis, Some(met.population.yarn))
         })
     }
 }

@@ -19,6 +19,13 @@ pub struct Crop {
     pub max: UVec2,
 }
 
+impl Crop {
+    /// Between two pixels.
+    pub const fn new(min: UVec2, max: UVec2) -> Crop {
+        Crop { min, max }
+    }
+}
+
 /// How much to trace.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderSettings {
@@ -101,10 +108,7 @@ impl<'a> Rendering<'a> {
     /// An empty crop, or sample indices beyond what a pixel can hold.
     pub fn new(scene: &'a Scene, settings: RenderSettings) -> Result<Rendering<'a>, RenderError> {
         let resolution = scene.camera.resolution();
-        let crop = settings.crop.unwrap_or(Crop {
-            min: UVec2::ZERO,
-            max: resolution,
-        });
+        let crop = settings.crop.unwrap_or(Crop::new(UVec2::ZERO, resolution));
         if crop.min.cmpge(crop.max).any() || crop.max.cmpgt(resolution).any() {
             return Err(RenderError::EmptyCrop(crop, resolution));
         }

@@ -1,7 +1,7 @@
 //! Yarns of fibres that hardly overlap.
 
 use glam::{Vec2, Vec3, Vec3Swizzles};
-use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::curve::{Segment, SegmentList};
 use organza_basis::{Aabb, PathRng, warp};
 use std::f32::consts::TAU;
 
@@ -86,13 +86,7 @@ impl Yarn {
             }
         }
         let size = RADIUS_MM * Vec3::new(period, 2.0 * reach, 2.0 * reach);
-        SegmentList {
-            tile: Tile {
-                bounds_mm: Aabb::new(Vec3::ZERO, size),
-                repeats: true,
-            },
-            segments,
-        }
+        SegmentList::new(Aabb::new(Vec3::ZERO, size), true, segments)
     }
 }
 

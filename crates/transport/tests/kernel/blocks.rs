@@ -45,10 +45,8 @@ fn flakes(turned: bool) -> AnyMedium {
 }
 
 fn flakes_at(level: u8, turned: bool) -> AnyMedium {
-    let optics = [[0.9, 0.7, 0.5], [0.5, 0.8, 0.95]].map(|albedo| FlakeOptics {
-        albedo: Rgb::from(albedo),
-        end_on_ratio: 0.1,
-    });
+    let optics =
+        [[0.9, 0.7, 0.5], [0.5, 0.8, 0.95]].map(|albedo| FlakeOptics::new(Rgb::from(albedo), 0.1));
     let family = FlakeFamily::SGGX_SPECULAR;
     let medium = FlakeOctreeMedium::new(octree(turned), level, optics.to_vec(), family);
     AnyMedium::FlakeOctree(medium.unwrap())

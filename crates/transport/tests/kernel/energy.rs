@@ -4,7 +4,7 @@
 use crate::kernel::{film, flat_scene, settings, walked, walker};
 use crate::scenes::{octree, orthographic, white_sky};
 use glam::{DVec3, UVec3, Vec3};
-use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::curve::{Segment, SegmentList};
 use organza_basis::{Aabb, PathRng, Rgb, Sym3};
 use organza_kernel::proofs::Fault;
 use organza_kernel::{Refusal, Unsuited};
@@ -109,14 +109,8 @@ pub(crate) fn white_slab(longitudinal_deg: f32, fibres: u32, bend_mm: f32) -> Sc
         let to = Vec3::new(0.2, y + bend_mm * bend, z + 0.3 * bend_mm * bend);
         Segment::straight(from, to, 0.004)
     });
-    let tile = Tile {
-        bounds_mm: Aabb::new(Vec3::ZERO, Vec3::new(0.2, 0.2, 0.12)),
-        repeats: true,
-    };
-    let segments = SegmentList {
-        tile,
-        segments: segments.collect(),
-    };
+    let bounds_mm = Aabb::new(Vec3::ZERO, Vec3::new(0.2, 0.2, 0.12));
+    let segments = SegmentList::new(bounds_mm, true, segments.collect());
     let octree = octree(&segments, 0.02, 2);
     let medium = VirtualFibreMedium::new(octree, 0, vec![fibre], VirtualFibreEvent::Plain).unwrap();
     Scene {

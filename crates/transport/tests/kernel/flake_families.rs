@@ -12,9 +12,8 @@ use organza_transport::*;
 /// Two materials of other end-on ratios, with these albedos, that cross in the same voxels.
 pub(crate) fn cloth(family: FlakeFamily, albedos: [f32; 2]) -> AnyMedium {
     let octree = octree(&little_weave(0.015, 1), 0.02, 2);
-    let optics = |albedo: f32, end_on_ratio| FlakeOptics {
-        albedo: Rgb::new(albedo, 0.9 * albedo, 0.7 * albedo),
-        end_on_ratio,
+    let optics = |albedo: f32, end_on_ratio| {
+        FlakeOptics::new(Rgb::new(albedo, 0.9 * albedo, 0.7 * albedo), end_on_ratio)
     };
     let optics = vec![optics(albedos[0], 0.1), optics(albedos[1], 0.4)];
     AnyMedium::FlakeOctree(FlakeOctreeMedium::new(octree, 0, optics, family).unwrap())

@@ -318,11 +318,7 @@ fn the_slab_has_the_bsdf_of_an_independent_renderer() {
             Grid::constant([0.95, 0.8, 0.5]),
         );
         let face = DVec3::new(0.0, 0.0, 0.15f64.copysign(w_out.z));
-        let pose = CameraPose {
-            origin_mm: face + 3.0 * w_out,
-            target_mm: face,
-            up: DVec3::new(0.3, 1.0, 0.1),
-        };
+        let pose = CameraPose::new(face + 3.0 * w_out, face, DVec3::new(0.3, 1.0, 0.1));
         let projection = Projection::Orthographic { width_mm: 0.1 };
         let scene = Scene {
             media: vec![AnyMedium::Grid(medium.unwrap())],

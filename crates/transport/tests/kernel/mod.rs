@@ -87,10 +87,7 @@ fn cloth() -> FlakeOctreeMedium {
 /// The same at a level of detail, up to 2.
 fn cloth_at(level: u8) -> FlakeOctreeMedium {
     let octree = octree(&little_weave(0.0, 0), 0.02, 2.max(level + 1));
-    let optics = FlakeOptics {
-        albedo: Rgb::new(0.9, 0.7, 0.5),
-        end_on_ratio: 0.1,
-    };
+    let optics = FlakeOptics::new(Rgb::new(0.9, 0.7, 0.5), 0.1);
     FlakeOctreeMedium::new(octree, level, vec![optics], FlakeFamily::SGGX_SPECULAR).unwrap()
 }
 
@@ -100,21 +97,16 @@ fn parallel() -> Vec<Light> {
         (Vec3::new(-0.4, 0.2, 0.9), 1.5),
     ]
     .map(|(d, e)| {
-        Light::from(DirectionalLight {
-            direction: d.normalize(),
-            irradiance: Rgb::new(e, 1.0, 0.5 * e),
-        })
+        Light::from(DirectionalLight::new(
+            d.normalize(),
+            Rgb::new(e, 1.0, 0.5 * e),
+        ))
     })
     .to_vec()
 }
 
 fn sky() -> Vec<Light> {
-    let of = |radiance, hemisphere| {
-        Light::from(EnvironmentLight {
-            radiance,
-            hemisphere,
-        })
-    };
+    let of = |radiance, hemisphere| Light::from(EnvironmentLight::new(radiance, hemisphere));
     vec![
         of(Rgb::new(0.7, 0.8, 1.0), Hemisphere::All),
         of(Rgb::new(0.5, 0.2, 0.1), Hemisphere::Back),
@@ -169,11 +161,7 @@ fn lens() -> Projection {
 
 fn scene(medium: AnyMedium, lights: Vec<Light>, projection: Projection) -> Scene {
     let middle = medium.cell_grid().unwrap().bounds_mm().centre().as_dvec3();
-    let pose = CameraPose {
-        origin_mm: middle + DVec3::new(0.2, -0.3, 0.8),
-        target_mm: middle,
-        up: DVec3::Y,
-    };
+    let pose = CameraPose::new(middle + DVec3::new(0.2, -0.3, 0.8), middle, DVec3::Y);
     let filter = match projection {
         Projection::Orthographic { .. } => PixelFilter::Tent,
         Projection::Perspective { .. } => PixelFilter::Box,

@@ -89,10 +89,7 @@ fn a_texture_keeps_the_mean_and_repeats() {
     let mean = plain.eval(w, w, Footprint::FAR).0.x;
     assert!((at(-0.5) / mean - 1.8).abs() < 0.01 && (at(0.5) / mean - 0.2).abs() < 0.01);
     // Wide pixels see both.
-    let wide = Footprint {
-        position_mm: Vec2::new(-0.5, 3.0),
-        width_mm: 2.0,
-    };
+    let wide = Footprint::new(Vec2::new(-0.5, 3.0), 2.0);
     assert_eq!(striped.eval(w, w, wide).0.x, mean);
     // It does not begin at an edge: a pixel a little narrower sees a little of it.
     let nearly = |share: f32| Footprint {

@@ -75,9 +75,6 @@ impl ExplicitFibres {
 
     /// What to show of a hit.
     pub(crate) fn info(&self, hit: &FibreHit) -> SiteInfo {
-        SiteInfo {
-            axis: hit.tangent,
-            yarn: Some(self.curves.curve_of(hit.piece).yarn),
-        }
+        SiteInfo::new(hit.tangent, Some(self.curves.curve_of(hit.piece).yarn))
     }
 }

@@ -1,7 +1,7 @@
 use super::*;
 use glam::{DVec2, Vec3, Vec3Swizzles};
 use organza_basis::curve::SegmentList;
-use organza_basis::{Aabb, PathRng, Segment, Tile, unwatched, warp};
+use organza_basis::{Aabb, PathRng, Segment, unwatched, warp};
 use organza_kernel::fibres::exhaustive::Exhaustive;
 use organza_scatter::FibreFrame;
 use std::f32::consts::TAU;
@@ -45,10 +45,7 @@ fn yarns(repeats: bool) -> SegmentList {
         });
     }
     let bounds_mm = Aabb::new(Vec3::ZERO, Vec3::new(period, 0.25, 0.2));
-    SegmentList {
-        tile: Tile { bounds_mm, repeats },
-        segments,
-    }
+    SegmentList::new(bounds_mm, repeats, segments)
 }
 
 fn traced(repeats: bool) -> ExplicitFibres {
@@ -174,12 +171,8 @@ fn fibres_are_closed_from_outside_and_open_from_inside() {
 #[test]
 fn offsets_are_those_of_the_cylinder_and_exits_lie_on_it() {
     let bounds_mm = Aabb::new(Vec3::splat(-1.0), Vec3::ONE);
-    let tile = Tile {
-        bounds_mm,
-        repeats: false,
-    };
     let segments = vec![Segment::straight(Vec3::NEG_X, Vec3::X, 0.1)];
-    let source = SegmentList { tile, segments };
+    let source = SegmentList::new(bounds_mm, false, segments);
     let traced = ExplicitFibres::new(&source, fitted(), None, &unwatched).unwrap();
     let mut stats = Stats::default();
     for k in -19..20 {

@@ -1,5 +1,5 @@
 use super::*;
-use organza_basis::curve::{Segment, SegmentList, Tile};
+use organza_basis::curve::{Segment, SegmentList};
 use organza_basis::{Aabb, unwatched};
 use organza_scatter::Fibre;
 use organza_volume::{FibreFootprint, VoxelizeOptions, voxelize};
@@ -20,13 +20,11 @@ fn along_x(size_mm: Vec3, places: impl Iterator<Item = [f32; 2]>) -> SegmentList
             ..Segment::straight(ends[0], ends[1], RADIUS_MM)
         }
     };
-    SegmentList {
-        tile: Tile {
-            bounds_mm: Aabb::new(Vec3::ZERO, size_mm),
-            repeats: true,
-        },
-        segments: places.enumerate().map(one).collect(),
-    }
+    SegmentList::new(
+        Aabb::new(Vec3::ZERO, size_mm),
+        true,
+        places.enumerate().map(one).collect(),
+    )
 }
 
 /// The fibres, and their volume in one voxel.

@@ -4,7 +4,7 @@ use super::*;
 use crate::Integrator;
 use glam::DVec2;
 use organza_basis::curve::SegmentList;
-use organza_basis::{Aabb, Segment, Tile, unwatched};
+use organza_basis::{Aabb, Segment, unwatched};
 use organza_scatter::PlyCorrection;
 
 const FIBRE_MM: f32 = 0.006;
@@ -17,12 +17,9 @@ fn fibre() -> Fibre {
     organza_testing::dielectric_fibre(Rgb::new(0.0, 0.02, 0.1), 0.12, 0.3)
 }
 
-fn tile(repeats: bool) -> Tile {
+fn in_tile(repeats: bool, segments: Vec<Segment>) -> SegmentList {
     let half = Vec3::new(HALF_LENGTH_MM, 0.2, 0.1);
-    Tile {
-        bounds_mm: Aabb::new(-half, half),
-        repeats,
-    }
+    SegmentList::new(Aabb::new(-half, half), repeats, segments)
 }
 
 /// Discs that do not overlap, thrown at random into a circle.
@@ -72,8 +69,7 @@ fn fibre_by_fibre(seed: u64, twist_rad_per_mm: f64) -> ExplicitFibres {
             });
         }
     }
-    let tile = tile(false);
-    let source = SegmentList { tile, segments };
+    let source = in_tile(false, segments);
     ExplicitFibres::new(&source, vec![fibre()], None, &unwatched).unwrap()
 }
 
@@ -98,10 +94,7 @@ fn as_ply(parameters: PlyParameters, repeats: bool) -> Plies {
     // Several pieces: joints must not be seen.
     let at = |k: i32| -end + 2.0 * end * (k as f32 / 60.0);
     let segments = (0..60).map(|k| Segment::straight(at(k), at(k + 1), even_mm()));
-    let source = SegmentList {
-        tile: tile(repeats),
-        segments: segments.collect(),
-    };
+    let source = in_tile(repeats, segments.collect());
     Plies::new(
         &source,
         &[Some(parameters)],
@@ -245,10 +238,7 @@ fn copies_of_the_tile_are_alike() {
 #[test]
 fn what_cannot_be_plies_is_refused() {
     let segments = vec![Segment::straight(-Vec3::X, Vec3::X, 0.1)];
-    let source = SegmentList {
-        tile: tile(false),
-        segments,
-    };
+    let source = in_tile(false, segments);
     let make = |fibres: f32, memory| {
         let parameters = PlyParameters {
             fibres,
