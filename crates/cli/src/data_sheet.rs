@@ -11,12 +11,6 @@ type Line = (&'static str, &'static str, &'static str, f64);
 const CLOTH: &[Line] = &[
     ("weight", "areal_density_g_per_m2", "g/m2", 1.0),
     ("thickness", "thickness_mm", "mm", 1.0),
-    (
-        "shear rigidity, estimated",
-        "shear_rigidity_n_m",
-        "N/m",
-        1.0,
-    ),
     ("covered by threads", "cover_factor", "% of the area", 100.0),
     ("open", "openness", "% of the area", 100.0),
     ("fibres", "fibre_volume_fraction", "% of the volume", 100.0),

@@ -22,7 +22,6 @@ mod print;
 mod ranges;
 mod recolour;
 mod repeats;
-mod shear;
 mod spacing;
 mod spun;
 mod unravelled;

@@ -9,7 +9,7 @@ const GRAVITY_M_PER_S2: f64 = 9.806_65;
 /// By how much cloth is stiffer than fibres that slide past each other freely: friction and set
 /// (estimated). The fibres determine the stiffness of yarn, twist hardly matters `[Cooper1960]`;
 /// weave and finish hinder them.
-pub(super) const HINDRANCE: f64 = 2.0;
+const HINDRANCE: f64 = 2.0;
 
 /// Mean flexural rigidity of the fibres of a yarn, N mm2: Young's modulus times the second moment
 /// of area of round fibres.

@@ -4,7 +4,6 @@ use super::bending::{bending_length_mm, fibre_rigidity_n_mm2, rigidity_un_m};
 use super::cover::{cover_factor, openness};
 use super::nonwoven::Web;
 use super::pile::{Pile, loop_cover};
-use super::shear::{self, Beams};
 use super::{Centreline, Cloth, CurveLevel, ThreadAtRest};
 use crate::closure::Closure;
 use crate::curve_file::PolyCurve;
@@ -139,8 +138,6 @@ pub struct Figures {
     pub thickness_mm: f64,
     /// Mass per area.
     pub areal_density_g_per_m2: f64,
-    /// Shear rigidity of a woven cloth, estimated from its fibres: N/m.
-    pub shear_rigidity_n_m: Option<f64>,
     /// Share of the cloth's volume that is fibre.
     pub fibre_volume_fraction: f64,
     /// The same inside the most densely packed ply.
@@ -391,7 +388,6 @@ impl Cloth {
             cover_factor,
             thickness_mm,
             areal_density_g_per_m2,
-            shear_rigidity_n_m: self.shear_rigidity_n_m(&sums),
             fibre_volume_fraction: sums.fibre_volume_mm3 / (area * thickness_mm),
             ply_fibre_volume_fraction: sums.packing,
             yarn_length_mm,
@@ -399,23 +395,6 @@ impl Cloth {
             compaction: self.compaction,
             compression: self.compression,
         }
-    }
-
-    fn shear_rigidity_n_m(&self, sums: &Sums<'_>) -> Option<f64> {
-        let size_mm = self.tile.bounds_mm.size().as_dvec3().truncate();
-        let [ends_mm, picks_mm] = shear::held_mm(self.draft.as_ref()?, size_mm)?;
-        let beams = |sum: &Sum<'_>, across_mm: f64, held_mm: f64| {
-            let threads = sum.woven.len() as f64;
-            (sum.bending_n_mm2 > 0.0).then(|| Beams {
-                free_n_mm2: sum.bending_n_mm2 / threads,
-                spacing_mm: across_mm / threads,
-                held_mm,
-            })
-        };
-        Some(shear::rigidity_n_m(
-            beams(&sums.warp, size_mm.x, ends_mm)?,
-            beams(&sums.weft, size_mm.y, picks_mm)?,
-        ))
     }
 
     fn nonwoven_figures(&self, web: &Web) -> NonwovenFigures {

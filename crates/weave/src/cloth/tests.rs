@@ -16,7 +16,6 @@ mod pile;
 mod pilled;
 mod printed;
 mod reading;
-mod sheared;
 mod shipped;
 mod smooth_hairs;
 mod spun;
