@@ -49,8 +49,10 @@ const WIDEST_HOLE: f64 = 0.4;
 /// Radius of the cloth in the middle of a hole that is not pushed aside but left out, in radii of
 /// the hole.
 const LEFT_OUT: f64 = 0.02;
-/// Length of a mesh's edges at a hole, in radii of the hole.
+/// Length of a mesh's edges at a hole, in radii of the hole, and its growth with the distance from the
+/// middle: circles around it are then off by a thirtieth of their radius at most.
 const HOLE_EDGE: f64 = 0.4;
+const EDGE_GROWTH: f64 = 0.35;
 /// Radii of the thread between its middle and either strand of the needle thread in a hole.
 const STRANDS: f64 = 1.1;
 
@@ -138,7 +140,9 @@ impl Lockstitch {
         );
         let lay_mm = away_mm.max(LEFT_OUT * radius_mm);
         let shrunk = lay_mm / (lay_mm + self.push_mm(lay_mm));
-        HOLE_EDGE * radius_mm * shrunk + (away_mm - self.hole_reach_mm).max(0.0)
+        HOLE_EDGE * radius_mm * shrunk
+            + EDGE_GROWTH * away_mm
+            + (away_mm - self.hole_reach_mm).max(0.0)
     }
 
     /// How far the upper side of the cloth sinks at a place.
