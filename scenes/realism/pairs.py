@@ -1,5 +1,6 @@
 """Renders small cloths without and with one ingredient, by the light of realism.toml, and puts the
-pictures side by side in pairs.jpg.
+pictures side by side in pairs.jpg. Prints what the ingredient costs: seconds of processor
+before the denoiser, and the most memory.
 
     python3 scenes/realism/pairs.py [--organza ORGANZA] [--spp N] [--denoise] [--only LABEL]
     python3 scenes/realism/pairs.py --sheet fibres    blends of materials and crimp: fibres.jpg
@@ -8,6 +9,7 @@ pictures side by side in pairs.jpg.
 Needs Pillow, and the library of `organza denoise` for --denoise.
 """
 import argparse
+import json
 import subprocess
 import tempfile
 from pathlib import Path
@@ -144,11 +146,12 @@ def render(cloth, fov_deg, folder, options):
     sets = cloth["sets"] if scene else [own]
     sets = [*sets, f"camera.fov_deg={fov_deg}", f"camera.resolution={list(SIZE)}"]
     sets = [word for one in sets for word in ("--set", one)]
-    command = [options.organza, "render", HERE / (scene or "realism.toml"), "-o", picture, "--quiet",
+    command = [options.organza, "render", HERE / (scene or "realism.toml"), "-o", picture, "--quiet", "--json",
                "--spp", str(options.spp), "--threads", str(options.threads)]
-    subprocess.run([*command, *sets, *(["--denoise"] if options.denoise else [])], check=True)
+    words = [*command, *sets, *(["--denoise"] if options.denoise else [])]
+    known = json.loads(subprocess.run(words, check=True, stdout=subprocess.PIPE).stdout)
     with Image.open(picture) as cell:
-        return cell.convert("RGB")
+        return cell.convert("RGB"), known["setup_cpu_s"] + known["render_cpu_s"], known["peak_memory_bytes"] / 2**20
 
 
 def main():
@@ -172,13 +175,18 @@ def main():
         (folder / "roses.png").write_bytes((HERE / "../fabrics/print/roses.png").read_bytes())
         for i, (label, both, added, fov_deg) in enumerate(pairs):
             off = COTTON | both
+            costs = []
             for j, (word, cloth) in enumerate([("without", off), (label, off | added)]):
                 cell = 2 * i + j
                 x = GAP + cell % COLUMNS * (width + GAP)
                 y = GAP + cell // COLUMNS * (height + LABEL + GAP)
-                sheet.paste(render(cloth, fov_deg, folder, options), (x, y + LABEL))
+                picture, *cost = render(cloth, fov_deg, folder, options)
+                costs.append(cost)
+                sheet.paste(picture, (x, y + LABEL))
                 draw.text((x + 1, y + 1), word, fill="black")
-            print(label, flush=True)
+            (off_s, off_mib), (on_s, on_mib) = costs
+            print(f"{label}: {off_s:.1f} to {on_s:.1f} s ({100 * on_s / off_s - 100:+.0f} %), "
+                  f"{off_mib:.0f} to {on_mib:.0f} MiB ({100 * on_mib / off_mib - 100:+.0f} %)", flush=True)
     sheet.save(options.outfile or HERE / f"{options.sheet}.jpg", quality=78)
 
 

@@ -33,16 +33,21 @@ def row(places, slope, t):
     return [found[place] for place in places]
 
 
-def write(name, span, reach, columns, count, slope, lift=lambda s, t: 0.0):
-    """A sheet whose weft spans `span` (from, to), and whose warp spans `reach`."""
-    places = [span[0] + (span[1] - span[0]) * i / columns for i in range(columns + 1)]
+def even(span, count):
+    return [span[0] + (span[1] - span[0]) * i / count for i in range(count + 1)]
+
+
+def write(name, places, reach, count, slope, lift=lambda s, t: 0.0, origin=100):
+    """A sheet with vertices at `places` along the weft, whose warp spans `reach`; the cloth begins
+    `origin` before the middle."""
+    columns = len(places) - 1
     lines = ["# Written by sheets.py, millimetres; texture coordinates in centimetres."]
     lines.append(f"o {name}")
-    warp = [reach[0] + (reach[1] - reach[0]) * j / count for j in range(count + 1)]
+    warp = even(reach, count)
     for t in warp:
         points = zip(places, row(places, slope, t))
         lines += [f"v {x:.2f} {t:.2f} {z + lift(s, t):.3f}" for s, (x, z) in points]
-    lines += [f"vt {(s + 100) / 10:.3f} {(t + 100) / 10:.3f}" for t in warp for s in places]
+    lines += [f"vt {(s + origin) / 10:.3f} {(t + origin) / 10:.3f}" for t in warp for s in places]
     for j in range(count):
         for i in range(columns):
             a = j * (columns + 1) + i + 1
@@ -76,6 +81,12 @@ def curtain(s, t):
     return (1.15 + 0.25 * sin(s / 13.0)) * sin(phase + 0.9 * sin(s / 11.0))
 
 
+def hanging(s, t):
+    """Folds of a light curtain, which widen downwards."""
+    phase = 2 * pi * (s + 0.9 * sin(t / 17.0)) / (15.0 - 0.03 * t)
+    return (0.5 + 0.2 * sin(s / 9.0 + 0.6)) * sin(phase + 0.8 * sin(s / 7.0))
+
+
 def billow(s, t):
     """A sail in the wind: one wide curve and faint wrinkles that lead to a corner."""
     return -0.006 * s + 0.30 * sin(2 * pi * (s + 0.8 * t) / 31.0) * smooth(60.0, -60.0, t)
@@ -95,6 +106,16 @@ def shirt(s, t):
     return 0.85 * away * fall * smooth(-110.0, 50.0, t) + small * (0.3 + 0.7 * away)
 
 
+# Where the cloth of the placket is folded under, and the length of the turn.
+EDGE, TURN = 14.0, 1.0
+
+
+def placket(s, t):
+    """The shirt's folds, and both edges folded under."""
+    under = pi * min(max((abs(s) - EDGE) / TURN, 0.0), 1.0)
+    return shirt(s, t) + (under if s < 0.0 else -under)
+
+
 def pressed(s, t):
     """One side of a crease along the warp: the cloth rises to it like a low roof."""
     return -0.42 * (2.0 * smooth(-1.1, 1.1, s) - 1.0) * exp(-abs(s) / 16.0) + 0.5 * swell(s, t)
@@ -106,15 +127,18 @@ def crosswise(s, t):
 
 
 def main():
-    write("swell", (-40.0, 40.0), (-40.0, 40.0), 48, 48, swell)
-    write("folds", (-95.0, 95.0), (-75.0, 75.0), 132, 88, folds)
-    write("pleats", (-80.0, 80.0), (-55.0, 55.0), 160, 64, pleats)
-    write("curtain", (-50.0, 50.0), (-32.0, 32.0), 110, 16, curtain)
-    write("sail", (-36.0, 6.0), (-34.0, 34.0), 42, 68, billow, pucker)
-    write("sail_lap", (-6.0, 36.0), (-34.0, 34.0), 42, 68, billow, lambda s, t: pucker(s, t) - 0.24)
-    write("shirt", (-95.0, 95.0), (-75.0, 75.0), 120, 88, shirt)
-    write("placket", (-16.0, 16.0), (-75.0, 75.0), 24, 88, shirt, lambda s, t: 1.3 - 0.003 * s * s)
-    write("napkin", (-40.0, 40.0), (-40.0, 40.0), 112, 96, pressed, crosswise)
+    write("swell", even((-40.0, 40.0), 48), (-40.0, 40.0), 48, swell)
+    write("folds", even((-95.0, 95.0), 132), (-75.0, 75.0), 88, folds)
+    write("pleats", even((-80.0, 80.0), 160), (-55.0, 55.0), 64, pleats)
+    write("curtain", even((-50.0, 50.0), 110), (-32.0, 32.0), 16, curtain)
+    write("lace", even((-20.0, 20.0), 100), (-20.0, 20.0), 16, hanging, origin=20)
+    write("sail", even((-36.0, 6.0), 42), (-34.0, 34.0), 68, billow, pucker)
+    write("sail_lap", even((-6.0, 36.0), 42), (-34.0, 34.0), 68, billow, lambda s, t: pucker(s, t) - 0.24)
+    write("shirt", even((-95.0, 95.0), 120), (-75.0, 75.0), 88, shirt)
+    right = even((0.0, EDGE), 10)[:-1] + even((EDGE, EDGE + TURN), 8) + [EDGE + TURN + 1.5, EDGE + TURN + 3.0]
+    places = [-s for s in right[:0:-1]] + right
+    write("placket", places, (-75.0, 75.0), 88, placket, lambda s, t: 1.3 - 0.003 * min(abs(s), EDGE) ** 2)
+    write("napkin", even((-40.0, 40.0), 112), (-40.0, 40.0), 96, pressed, crosswise)
 
 
 main()
