@@ -250,6 +250,10 @@ impl Strips {
                 turned_rad: slope.x.atan(),
             });
         }
+        if let Some(last) = points.last_mut().filter(|_| both) {
+            // The cloth holds it straight.
+            last.turned_rad = 0.0;
+        }
         Thread {
             from_mm,
             side,
