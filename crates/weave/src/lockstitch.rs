@@ -50,7 +50,7 @@ const WIDEST_HOLE: f64 = 0.4;
 /// the hole.
 const LEFT_OUT: f64 = 0.02;
 /// Length of a mesh's edges at a hole, in radii of the hole, and its growth with the distance from the
-/// middle: circles around it are then off by a thirtieth of their radius at most.
+/// middle: edges span 0.75 rad at most, so that circles around it are off by 7 % of their radius.
 const HOLE_EDGE: f64 = 0.4;
 const EDGE_GROWTH: f64 = 0.35;
 /// Radii of the thread between its middle and either strand of the needle thread in a hole.
