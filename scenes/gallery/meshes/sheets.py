@@ -61,26 +61,6 @@ def swell(s, t):
     return 0.26 * sin(2 * pi * (s + 0.45 * t) / 34.0) + 0.12 * sin(2 * pi * (s - 0.8 * t) / 23.0 + 1.0)
 
 
-def folds(s, t):
-    """Deep folds that meet and part, for supple silk."""
-    bend = 9.0 * sin(t / 34.0) + 0.42 * t + 3.0 * sin(s / 31.0 + t / 23.0)
-    deep = 1.15 + 0.25 * sin(t / 29.0 + s / 37.0)
-    return deep * sin(2 * pi * (s + bend) / (40.0 - 0.06 * t) + 0.7 * sin((s - 0.5 * t) / 28.0))
-
-
-def pleats(s, t):
-    """Crisp folds that open downwards, for taffeta."""
-    phase = 2 * pi * (s + 0.16 * t * sin(s / 31.0) + 0.3 * t) / 27.0
-    wave = sin(phase + 0.8 * sin(phase + 0.4) + 0.5 * sin(t / 19.0))
-    return (1.0 - 0.004 * t) * wave + 0.10 * sin(2 * pi * (s - 1.3 * t) / 21.0)
-
-
-def curtain(s, t):
-    """Upright folds of a hanging cloth, some deeper than others."""
-    phase = 2 * pi * (s + 1.2 * sin(t / 30.0)) / 15.0
-    return (1.15 + 0.25 * sin(s / 13.0)) * sin(phase + 0.9 * sin(s / 11.0))
-
-
 def hanging(s, t):
     """Folds of a light curtain, which widen downwards."""
     phase = 2 * pi * (s + 0.9 * sin(t / 17.0)) / (15.0 - 0.03 * t)
@@ -128,9 +108,6 @@ def crosswise(s, t):
 
 def main():
     write("swell", even((-40.0, 40.0), 48), (-40.0, 40.0), 48, swell)
-    write("folds", even((-95.0, 95.0), 132), (-75.0, 75.0), 88, folds)
-    write("pleats", even((-80.0, 80.0), 160), (-55.0, 55.0), 64, pleats)
-    write("curtain", even((-50.0, 50.0), 110), (-32.0, 32.0), 16, curtain)
     write("lace", even((-20.0, 20.0), 100), (-20.0, 20.0), 16, hanging, origin=20)
     write("sail", even((-36.0, 6.0), 42), (-34.0, 34.0), 68, billow, pucker)
     write("sail_lap", even((-6.0, 36.0), 42), (-34.0, 34.0), 68, billow, lambda s, t: pucker(s, t) - 0.24)
@@ -141,4 +118,5 @@ def main():
     write("napkin", even((-40.0, 40.0), 112), (-40.0, 40.0), 96, pressed, crosswise)
 
 
-main()
+if __name__ == "__main__":
+    main()
