@@ -25,8 +25,9 @@ mod worn;
 
 use super::*;
 use crate::FabricGeometry;
-use crate::spec::{DraftSpec, ThreadSetSpec, TileSpec, YarnSpec};
+use crate::spec::{DraftSpec, TileSpec, YarnSpec};
 use crate::wif::example_drafts::{EXAMPLES, damask};
+use organza_testing::{assert_contains, table_rows};
 
 fn no_files(name: &str) -> std::io::Result<Vec<u8>> {
     Err(std::io::Error::new(
@@ -35,26 +36,59 @@ fn no_files(name: &str) -> std::io::Result<Vec<u8>> {
     ))
 }
 
-fn fabric(weave: &str) -> FabricGeometry {
-    FabricGeometry {
-        draft: DraftSpec {
-            weave: Some(weave.to_owned()),
-            ..DraftSpec::default()
-        },
-        warp: ThreadSetSpec {
-            per_cm: Some(20.0),
-            ..ThreadSetSpec::default()
-        },
-        weft: ThreadSetSpec {
-            per_cm: Some(18.0),
-            ..ThreadSetSpec::default()
-        },
-        ..FabricGeometry::default()
-    }
+/// What a text in TOML describes.
+fn parsed<T: serde::de::DeserializeOwned>(text: &str) -> T {
+    toml::from_str(text).unwrap_or_else(|e| panic!("{e}\n{text}"))
 }
+
+fn fabric(weave: &str) -> FabricGeometry {
+    let threads = "warp.per_cm = 20\nweft.per_cm = 18";
+    parsed(&format!("draft.weave = '{weave}'\n{threads}"))
+}
+
+/// That fabric with other keys of its yarn.
+fn fabric_of(weave: &str, yarn: &str) -> FabricGeometry {
+    let mut f = fabric(weave);
+    f.yarn.insert("cotton".to_owned(), parsed(yarn));
+    f
+}
+
+const NO_FUZZ: &str = "hairs.per_mm = 0\nloops.per_mm = 0\n";
 
 fn build(fabric: &FabricGeometry) -> Cloth {
     Cloth::build(fabric, &no_files, 7).unwrap()
+}
+
+/// Why there is no cloth of a fabric.
+fn refusal(fabric: &FabricGeometry) -> String {
+    let refused = Cloth::build(fabric, &no_files, 1);
+    refused.unwrap_err().to_string()
+}
+
+/// The segments of some batches, one batch after the other.
+fn segments_of(cloth: &Cloth, batches: impl IntoIterator<Item = usize>) -> Vec<Segment> {
+    let mut all = Vec::new();
+    for batch in batches {
+        cloth.for_each_in_batch(batch, &mut |s| all.push(*s));
+    }
+    all
+}
+
+fn segments(cloth: &Cloth) -> Vec<Segment> {
+    segments_of(cloth, 0..cloth.batch_count())
+}
+
+/// Calls a function with the number and the fibres of every thread.
+fn for_each_strand(cloth: &Cloth, mut visit: impl FnMut(usize, &Strand)) {
+    for (batch, thread) in cloth.threads.iter().enumerate() {
+        let path = cloth.path(thread, CurveLevel::Fibre);
+        visit(batch, &cloth.strand(batch, &path));
+    }
+}
+
+/// The colour of the material of a segment, if it has one.
+fn colour(cloth: &Cloth, segment: &Segment) -> Option<Rgb> {
+    cloth.materials()[usize::from(segment.material)].colour
 }
 
 /// Heights of warp and weft where end `e` crosses pick `p`, from the curves.
@@ -153,11 +187,7 @@ fn assert_closed(cloth: &Cloth, level: CurveLevel) {
 fn every_curve_continues_across_the_border_of_the_tile() {
     let mut f = fabric("twill-2-1-s");
     f.weft.yarn = vec!["two".to_owned(), "wool".to_owned()];
-    let two = YarnSpec {
-        plies: Some(2),
-        ..YarnSpec::default()
-    };
-    f.yarn.insert("two".to_owned(), two);
+    f.yarn.insert("two".to_owned(), parsed("plies = 2"));
     f.tile = TileSpec { repeats: [1, 2] };
     let cloth = build(&f);
     for level in [CurveLevel::Yarn, CurveLevel::Ply, CurveLevel::Fibre] {
@@ -169,21 +199,17 @@ fn every_curve_continues_across_the_border_of_the_tile() {
 fn the_tile_holds_every_height() {
     let cloth = build(&fabric("satin-5-2"));
     let bounds = cloth.tile().bounds_mm;
-    for batch in 0..cloth.batch_count() {
-        cloth.for_each_in_batch(batch, &mut |s| {
-            let b = s.bounds_mm();
-            let inside = b.min.z >= bounds.min.z - 1e-6 && b.max.z <= bounds.max.z + 1e-6;
-            assert!(inside, "{s:?} leaves {bounds:?}");
-        });
+    for s in segments(&cloth) {
+        let b = s.bounds_mm();
+        let inside = b.min.z >= bounds.min.z - 1e-6 && b.max.z <= bounds.max.z + 1e-6;
+        assert!(inside, "{s:?} leaves {bounds:?}");
     }
 }
 
 /// Streams everything: number of segments and length without hairs.
 fn poured(cloth: &Cloth) -> (usize, f64) {
     let (mut count, mut length) = (0, 0.0);
-    for batch in 0..cloth.batch_count() {
-        let path = cloth.path(&cloth.threads[batch], CurveLevel::Fibre);
-        let strand = cloth.strand(batch, &path);
+    for_each_strand(cloth, |batch, strand| {
         let pieces = strand.closure.fibres_per_ply() * strand.yarn.plies;
         cloth.for_each_in_batch(batch, &mut |s| {
             count += 1;
@@ -191,26 +217,14 @@ fn poured(cloth: &Cloth) -> (usize, f64) {
                 length += f64::from(s.length_mm());
             }
         });
-    }
+    });
     (count, length)
 }
 
 #[test]
 fn figures_agree_with_the_fibres_and_with_closed_forms() {
-    let mut f = fabric("twill-2-2");
-    f.yarn.insert(
-        "cotton".to_owned(),
-        YarnSpec {
-            plies: Some(2),
-            aspect: Some(1.0),
-            loops: Some(crate::spec::LoopSpec {
-                per_mm: Some(0.0),
-                peak: None,
-            }),
-            ..YarnSpec::default()
-        },
-    );
-    let cloth = build(&f);
+    let yarn = "plies = 2\naspect = 1\nloops.per_mm = 0";
+    let cloth = build(&fabric_of("twill-2-2", yarn));
     let figures = cloth.figures();
     let (_, length) = poured(&cloth);
     assert!(
@@ -266,40 +280,25 @@ fn crimp_of_a_plain_weave_follows_its_curve() {
 
 #[test]
 fn twist_turns_the_way_of_its_letter() {
-    for (direction, sign) in [
-        (crate::spec::TwistDirection::Z, 1.0),
-        (crate::spec::TwistDirection::S, -1.0),
-    ] {
-        let mut f = fabric("plain");
-        f.yarn.insert(
-            "cotton".to_owned(),
-            YarnSpec {
-                twist: Some(crate::spec::TwistSpec {
-                    direction,
-                    turns_per_m: None,
-                    angle_deg: Some(30.0),
-                }),
-                ..YarnSpec::default()
-            },
-        );
-        let cloth = build(&f);
+    for (direction, sign) in [("Z", 1.0), ("S", -1.0)] {
+        let twist = format!("twist = {{ direction = '{direction}', angle_deg = 30 }}");
+        let cloth = build(&fabric_of("plain", &twist));
         // On the face of a warp yarn, seen with y up, Z runs like `/`.
         let mut slope = 0.0;
         cloth.for_each_in_batch(0, &mut |s| {
             slope += f64::from(s.start_tangent.x * s.start_tangent.y.signum() * s.start_mm.z);
         });
-        assert!(slope * sign > 0.0, "{direction:?}: {slope}");
+        assert!(slope * sign > 0.0, "{direction}: {slope}");
     }
 }
 
 #[test]
 fn seeds_make_cloths_and_yarns_differ_and_equal_seeds_do_not() {
     let f = fabric("plain");
-    let collect = |seed, batch| {
+    let collect = |seed, batch| -> Vec<Vec3> {
         let cloth = Cloth::build(&f, &no_files, seed).unwrap();
-        let mut all = Vec::new();
-        cloth.for_each_in_batch(batch, &mut |s| all.push(s.start_tangent));
-        all
+        let all = segments_of(&cloth, [batch]);
+        all.iter().map(|s| s.start_tangent).collect()
     };
     assert_eq!(collect(1, 0), collect(1, 0));
     assert_ne!(collect(1, 0), collect(2, 0));
@@ -343,34 +342,19 @@ fn knit(name: &str) -> FabricGeometry {
 
 #[test]
 fn hairs_are_as_many_as_asked_for_and_stand_out() {
-    let mut f = fabric("plain");
+    let f = fabric_of("plain", "hairs.per_mm = 2.3");
     let (mut hairs, mut expected, mut threads) = (0.0, 0.0, 0.0);
-    f.yarn.insert(
-        "cotton".to_owned(),
-        YarnSpec {
-            hairs: Some(crate::spec::HairSpec {
-                per_mm: Some(2.3),
-                ..crate::spec::HairSpec::default()
-            }),
-            ..YarnSpec::default()
-        },
-    );
     for seed in 0..40 {
-        let cloth = Cloth::build(&f, &no_files, seed).unwrap();
-        for batch in 0..cloth.batch_count() {
-            let path = cloth.path(&cloth.threads[batch], CurveLevel::Fibre);
+        for_each_strand(&Cloth::build(&f, &no_files, seed).unwrap(), |_, strand| {
             let mut last = None;
-            let mut ends = 0.0;
-            cloth.strand(batch, &path).emit_hairs(0, &mut |s| {
-                if last != Some(s.fibre) {
-                    ends += 1.0;
+            strand.emit_hairs(0, &mut |s| {
+                if last.replace(s.fibre) != Some(s.fibre) {
+                    hairs += 1.0;
                 }
-                last = Some(s.fibre);
             });
-            hairs += ends;
-            expected += 2.3 * path.length_mm();
+            expected += 2.3 * strand.path.length_mm();
             threads += 1.0;
-        }
+        });
     }
     // Each thread rounds its number up or down: variance a quarter at most.
     let deviation = (0.25f64 * threads).sqrt();
@@ -384,36 +368,39 @@ fn hairs_are_as_many_as_asked_for_and_stand_out() {
     );
 }
 
+/// The nearest that the centrelines of two threads come, of those that `counts` names by their
+/// numbers, in units of their diameter.
+fn nearest(cloth: &Cloth, counts: impl Fn(usize, usize) -> bool) -> f64 {
+    let period = cloth.tile().period_mm();
+    let points = |thread| -> Vec<Vec3> {
+        let path = cloth.path(thread, CurveLevel::Ply);
+        path.points.iter().map(|p| p.as_vec3()).collect()
+    };
+    let points: Vec<Vec<Vec3>> = cloth.threads.iter().map(points).collect();
+    let mut nearest = f32::INFINITY;
+    for (i, a) in points.iter().enumerate() {
+        for (_, b) in points[..i]
+            .iter()
+            .enumerate()
+            .filter(|(j, _)| counts(i, *j))
+        {
+            for (a, b) in a.iter().flat_map(|a| b.iter().map(move |b| (*a, *b))) {
+                let mut d = a - b;
+                d.x -= period.x * (d.x / period.x).round();
+                d.y -= period.y * (d.y / period.y).round();
+                nearest = nearest.min(d.length());
+            }
+        }
+    }
+    f64::from(nearest) / (2.0 * cloth.yarns()[0].radius_mm())
+}
+
 #[test]
 fn crossing_yarns_stay_apart_between_crossings_too() {
     for (weave, least) in [("plain", 0.9), ("twill-2-2", 0.9), ("satin-5-2", 0.9)] {
-        let mut f = fabric(weave);
-        let round = YarnSpec {
-            aspect: Some(1.0),
-            ..YarnSpec::default()
-        };
-        f.yarn.insert("cotton".to_owned(), round);
-        let cloth = build(&f);
+        let cloth = build(&fabric_of(weave, "aspect = 1"));
         let ends = cloth.draft().unwrap().ends();
-        let period = cloth.tile().period_mm();
-        let points = |batch: usize| {
-            let path = cloth.path(&cloth.threads[batch], CurveLevel::Ply);
-            path.points.iter().map(|p| p.as_vec3()).collect::<Vec<_>>()
-        };
-        let mut nearest = f32::INFINITY;
-        for e in 0..ends {
-            for p in ends..cloth.batch_count() {
-                for a in points(e) {
-                    for b in points(p) {
-                        let mut d = a - b;
-                        d.x -= period.x * (d.x / period.x).round();
-                        d.y -= period.y * (d.y / period.y).round();
-                        nearest = nearest.min(d.length());
-                    }
-                }
-            }
-        }
-        let share = f64::from(nearest) / (2.0 * cloth.yarns()[0].radius_mm());
+        let share = nearest(&cloth, |a, b| (a < ends) != (b < ends));
         println!("{weave}: nearest {share:.3} of touching");
         assert!(share > least, "{weave}: {share}");
     }

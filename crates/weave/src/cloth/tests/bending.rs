@@ -4,12 +4,8 @@ use super::*;
 use crate::cloth::bending::bending_length_mm;
 
 fn warp(yarn: &str) -> SystemFigures {
-    let text = format!(
-        "[draft]\nweave = \"plain\"\n[warp]\nyarn = \"y\"\nper_cm = 20\n[weft]\nyarn = \"y\"\nper_cm \
-         = 18\n[yarn.y]\ntex = 30\n{yarn}\n"
-    );
-    let geometry: FabricGeometry = toml::from_str(&text).unwrap();
-    build(&geometry).figures().warp.unwrap()
+    let fabric = fabric_of("plain", &format!("tex = 30\n{yarn}"));
+    build(&fabric).figures().warp.unwrap()
 }
 
 fn rigidity_un_m(yarn: &str) -> f64 {
@@ -55,15 +51,11 @@ fn the_bending_length_is_that_of_a_measured_worsted() {
 
 #[test]
 fn a_modulus_out_of_range_is_refused_and_knits_have_no_figure() {
-    let spec = YarnSpec {
-        fibre_modulus_gpa: Some(0.0),
-        ..YarnSpec::default()
-    };
-    let error = Yarn::new("cotton", &spec).unwrap_err().to_string();
+    let error = refusal(&fabric_of("plain", "fibre_modulus_gpa = 0"));
     let wanted = "yarn.cotton.fibre_modulus_gpa: expected a number from 0.001 to 1000, found 0";
     assert_eq!(error, wanted);
     let text = "[draft]\nknit = \"stockinette\"\nwales_per_cm = 12\n[weft]\nyarn = \"cotton\"\n\
                 per_cm = 16\n[yarn.cotton]\ntex = 20\n";
-    let knit = build(&toml::from_str(text).unwrap()).figures();
+    let knit = build(&parsed(text)).figures();
     assert_eq!(knit.weft.unwrap().bending_rigidity_un_m, None);
 }

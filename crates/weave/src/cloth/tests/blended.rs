@@ -2,41 +2,37 @@
 
 use super::*;
 use crate::blend::mass_shares;
+use crate::protruding::Beside;
 use std::f64::consts::PI;
 
 /// A plain weave of one yarn, given as keys of `[yarn.blend]`.
 fn cloth(keys: &str) -> Cloth {
-    Cloth::build(&geometry(keys), &no_files, 7).unwrap()
+    build(&geometry(keys))
 }
 
 fn geometry(keys: &str) -> FabricGeometry {
-    let text = format!(
+    parsed(&format!(
         "[draft]\nweave = \"plain\"\n[warp]\nyarn = \"blend\"\nper_cm = 10\n[weft]\nyarn = \
          \"blend\"\nper_cm = 9\n[tile]\nrepeats = [4, 4]\n[yarn.blend]\n{keys}\n"
-    );
-    toml::from_str(&text).unwrap()
+    ))
 }
-
-const NO_FUZZ: &str = "hairs = { per_mm = 0 }\nloops = { per_mm = 0 }\n";
 
 /// Length, volume and mass of the fibres of each material, from the segments: millimetres, cubic
 /// millimetres, milligrams.
 fn sums(cloth: &Cloth) -> Vec<[f64; 3]> {
     let yarn = &cloth.yarns()[0];
     let mut sums = vec![[0.0; 3]; cloth.materials().len()];
-    for batch in 0..cloth.batch_count() {
-        cloth.for_each_in_batch(batch, &mut |s| {
-            let length = f64::from(s.length_mm());
-            let [a, b] = [s.start_radius_mm, s.end_radius_mm].map(f64::from);
-            let volume = length * PI * 0.5 * (a * a + b * b);
-            let material = &cloth.materials()[usize::from(s.material)];
-            let part = yarn.blend.iter().find(|p| p.fibre == material.fibre);
-            let density = part.unwrap().fibre_density_g_per_cm3;
-            let sum = &mut sums[usize::from(s.material)];
-            for (sum, more) in sum.iter_mut().zip([length, volume, volume * density]) {
-                *sum += more;
-            }
-        });
+    for s in segments(cloth) {
+        let length = f64::from(s.length_mm());
+        let [a, b] = [s.start_radius_mm, s.end_radius_mm].map(f64::from);
+        let volume = length * PI * 0.5 * (a * a + b * b);
+        let material = &cloth.materials()[usize::from(s.material)];
+        let part = yarn.blend.iter().find(|p| p.fibre == material.fibre);
+        let density = part.unwrap().fibre_density_g_per_cm3;
+        let sum = &mut sums[usize::from(s.material)];
+        for (sum, more) in sum.iter_mut().zip([length, volume, volume * density]) {
+            *sum += more;
+        }
     }
     sums
 }
@@ -59,12 +55,8 @@ fn shares_and_mass_of_the_fibres_are_those_of_the_label() {
     assert!((yarn.blend[1].share - by_number).abs() < 4.0 * f64::EPSILON);
 
     let sums = sums(&cloth);
-    let names: Vec<_> = cloth
-        .materials()
-        .iter()
-        .map(|m| m.fibre.as_deref())
-        .collect();
-    assert_eq!(names, [Some("wool"), Some("nylon")]);
+    let names = cloth.materials().iter().map(|m| m.fibre.as_deref());
+    assert!(names.eq([Some("wool"), Some("nylon")]));
     let total = |k: usize| sums.iter().map(|s| s[k]).sum::<f64>();
     // Each of 16 threads has its share of some 25 independent fibres, rounded up or down at
     // random: 0.5 / 25 a thread.
@@ -103,15 +95,10 @@ fn fibres_have_their_own_radii_and_stay_in_the_ply() {
     ));
     let radius_mm = [0.008f32, 0.022];
     let mut seen = [0, 0];
-    for batch in 0..cloth.batch_count() {
-        let path = cloth.path(&cloth.threads[batch], CurveLevel::Fibre);
-        let strand = cloth.strand(batch, &path);
+    for_each_strand(&cloth, |_, strand| {
         let ply_mm = strand.yarn.ply_radius_mm;
         let flatten = strand.section.at(0.0);
-        let mut beside = crate::protruding::Beside {
-            strand: &strand,
-            nearest: 0,
-        };
+        let mut beside = Beside { strand, nearest: 0 };
         let mut fibre = None;
         strand.emit_fibres(&mut |s| {
             let part = usize::from(s.material);
@@ -128,7 +115,7 @@ fn fibres_have_their_own_radii_and_stay_in_the_ply() {
             // at the place of a thin fibre coarse ones would be 1.08 radii out.
             assert!(beyond < 1.05, "{beyond} radii out");
         });
-    }
+    });
     assert!(seen.iter().all(|&n| n > 1000), "{seen:?}");
 }
 
@@ -141,16 +128,15 @@ fn hairs_are_of_the_materials_too() {
         let cloth = cloth(&format!("{WOOL_AND_NYLON}{fuzz}"));
         let share = cloth.yarns()[0].blend[1].share;
         let (mut hairs, mut nylon) = (0.0, 0.0);
-        for batch in 0..cloth.batch_count() {
-            let path = cloth.path(&cloth.threads[batch], CurveLevel::Fibre);
+        for_each_strand(&cloth, |_, strand| {
             let mut last = None;
-            cloth.strand(batch, &path).emit_hairs(0, &mut |s| {
+            strand.emit_hairs(0, &mut |s| {
                 if last.replace(s.fibre) != Some(s.fibre) {
                     hairs += 1.0;
                     nylon += f64::from(s.material);
                 }
             });
-        }
+        });
         let error = 4.0 * (share * (1.0 - share) / hairs).sqrt();
         assert!(
             hairs > 100.0 && (nylon / hairs - share).abs() < error,
@@ -169,10 +155,9 @@ fn a_heather_of_one_material_has_the_fibres_of_its_yarn() {
     assert_eq!(cloth.plies().unfit(), None);
     assert!(cloth.materials().iter().all(|m| m.fibre.is_none()));
     let plain = self::cloth("preset = \"wool\"\ntex = 60\n");
-    let ends = |cloth: &Cloth| {
-        let mut ends = Vec::new();
-        cloth.for_each_in_batch(0, &mut |s| ends.push((s.start_mm, s.start_radius_mm)));
-        ends
+    let ends = |cloth: &Cloth| -> Vec<(Vec3, f32)> {
+        let all = segments_of(cloth, [0]).into_iter();
+        all.map(|s| (s.start_mm, s.start_radius_mm)).collect()
     };
     assert_eq!(ends(&cloth), ends(&plain));
     // A material of its own makes it a blend of materials.
@@ -187,7 +172,7 @@ fn felt_of_several_materials_has_their_shares() {
     let text = "[nonwoven]\nfibre = \"felt\"\nareal_density_g_per_m2 = 120\nthickness_mm = 1.0\n\
                 tile_mm = [4, 4]\nlength_mm = 12\n[yarn.felt]\npreset = \"wool\"\nblend = [\n{ \
                 mass_share = 60, fibre = \"wool\" },\n{ mass_share = 40, fibre = \"polyester\" },\n]\n";
-    let felt = Cloth::build(&toml::from_str(text).unwrap(), &no_files, 3).unwrap();
+    let felt = Cloth::build(&parsed(text), &no_files, 3).unwrap();
     let sums = sums(&felt);
     let wool = sums[0][2] / (sums[0][2] + sums[1][2]);
     // The number of each is rounded up or down, of all fibres of the tile.
@@ -197,42 +182,23 @@ fn felt_of_several_materials_has_their_shares() {
         "{wool} {fibres}"
     );
     let radii = felt.materials().iter().map(|m| m.fibre_radius_mm);
-    assert_eq!(radii.collect::<Vec<_>>(), [0.012, 0.0065]);
+    assert!(radii.eq([0.012, 0.0065]));
 }
+
+const WRONG: &str = r#"
+{ share = 1, fibre = "nilon" } | yarn.blend.blend[0].fibre: no fibre is named "nilon"; did you mean "nylon"?
+{ colour = [0, 0, 0] } | blend[0].share: is missing
+{ share = 1 }, { mass_share = 1 } | blend[1].mass_share: give share in all parts or mass_share in all parts
+{ share = 1, fibre_radius_um = 0 } | blend[0].fibre_radius_um: expected a number from 0.1 to 10000, found 0
+{ share = 1, fibre_density_g_per_cm3 = 40 } | blend[0].fibre_density_g_per_cm3: expected a number from 0.1 to 30
+{ share = 1, fibre_radius_cv_percent = 51 } | blend[0].fibre_radius_cv_percent: expected a number from 0 to 50
+{ share = 1, colour = [0, 2, 0] } | blend[0].colour: expected
+"#;
 
 #[test]
 fn wrong_blends_name_their_key() {
-    for (blend, expected) in [
-        (
-            "{ share = 1, fibre = \"nilon\" }",
-            "yarn.blend.blend[0].fibre: no fibre is named \"nilon\"; did you mean \"nylon\"?",
-        ),
-        ("{ colour = [0, 0, 0] }", "blend[0].share: is missing"),
-        (
-            "{ share = 1 }, { mass_share = 1 }",
-            "blend[1].mass_share: give share in all parts or mass_share in all parts",
-        ),
-        (
-            "{ share = 1, fibre_radius_um = 0 }",
-            "blend[0].fibre_radius_um: expected a number from 0.1 to 10000, found 0",
-        ),
-        (
-            "{ share = 1, fibre_density_g_per_cm3 = 40 }",
-            "blend[0].fibre_density_g_per_cm3: expected a number from 0.1 to 30",
-        ),
-        (
-            "{ share = 1, fibre_radius_cv_percent = 51 }",
-            "blend[0].fibre_radius_cv_percent: expected a number from 0 to 50",
-        ),
-        (
-            "{ share = 1, colour = [0, 2, 0] }",
-            "blend[0].colour: expected",
-        ),
-    ] {
-        let geometry = geometry(&format!("blend = [{blend}]"));
-        let error = Cloth::build(&geometry, &no_files, 1)
-            .unwrap_err()
-            .to_string();
-        assert!(error.contains(expected), "{blend}: {error}");
+    for [blend, expected] in table_rows(WRONG) {
+        let error = refusal(&geometry(&format!("blend = [{blend}]")));
+        assert_contains(&error, expected);
     }
 }

@@ -6,9 +6,9 @@ fn cloth(threads: &str, yarn: &str) -> Cloth {
     let text = format!(
         "[draft]\nweave = \"plain\"\n[tile]\nrepeats = [5, 5]\n[warp]\nyarn = \"y\"\nper_cm = 36\n\
          {threads}\n[weft]\nyarn = \"y\"\nper_cm = 28\n{threads}\n[yarn.y]\npreset = \"cotton\"\ntex = \
-         16\nhairs = {{ per_mm = 0 }}\nloops = {{ per_mm = 0 }}\n{yarn}\n"
+         16\n{NO_FUZZ}{yarn}\n"
     );
-    Cloth::build(&toml::from_str(&text).unwrap(), &no_files, 7).unwrap()
+    build(&parsed(&text))
 }
 
 /// Cells along an edge of the tile.
@@ -19,27 +19,22 @@ fn hidden(cloth: &Cloth, batches: std::ops::Range<usize>) -> f64 {
     let size = cloth.tile().period_mm().as_dvec2();
     let cell = size / CELLS as f64;
     let mut is_hidden = vec![false; CELLS * CELLS];
-    for batch in batches {
-        cloth.for_each_in_batch(batch, &mut |s| {
-            let (a, b) = (
-                s.start_mm.truncate().as_dvec2(),
-                s.end_mm.truncate().as_dvec2(),
-            );
-            let radius = f64::from(s.start_radius_mm);
-            let low = ((a.min(b) - radius) / cell).floor();
-            let high = ((a.max(b) + radius) / cell).ceil();
-            let along = b - a;
-            for j in low.y as i64..=high.y as i64 {
-                for i in low.x as i64..=high.x as i64 {
-                    let at = glam::DVec2::new(i as f64 + 0.5, j as f64 + 0.5) * cell;
-                    let t = (at - a).dot(along) / along.length_squared().max(1e-12);
-                    if at.distance(a + t.clamp(0.0, 1.0) * along) < radius {
-                        let wrap = |k: i64| k.rem_euclid(CELLS as i64) as usize;
-                        is_hidden[wrap(j) * CELLS + wrap(i)] = true;
-                    }
+    for s in segments_of(cloth, batches) {
+        let [a, b] = [s.start_mm, s.end_mm].map(|p| p.truncate().as_dvec2());
+        let radius = f64::from(s.start_radius_mm);
+        let low = ((a.min(b) - radius) / cell).floor();
+        let high = ((a.max(b) + radius) / cell).ceil();
+        let along = b - a;
+        for j in low.y as i64..=high.y as i64 {
+            for i in low.x as i64..=high.x as i64 {
+                let at = glam::DVec2::new(i as f64 + 0.5, j as f64 + 0.5) * cell;
+                let t = (at - a).dot(along) / along.length_squared().max(1e-12);
+                if at.distance(a + t.clamp(0.0, 1.0) * along) < radius {
+                    let wrap = |k: i64| k.rem_euclid(CELLS as i64) as usize;
+                    is_hidden[wrap(j) * CELLS + wrap(i)] = true;
                 }
             }
-        });
+        }
     }
     is_hidden.iter().filter(|h| **h).count() as f64 / (CELLS * CELLS) as f64
 }

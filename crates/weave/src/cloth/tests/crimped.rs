@@ -6,17 +6,15 @@ use glam::DVec2;
 
 /// A loose plain weave of round, even, bulky yarn without hairs, loops and migration.
 fn cloth(crimp: &str) -> Cloth {
-    Cloth::build(&geometry(crimp), &no_files, 7).unwrap()
+    build(&geometry(crimp))
 }
 
 fn geometry(crimp: &str) -> FabricGeometry {
-    let text = format!(
+    parsed(&format!(
         "[draft]\nweave = \"plain\"\n[warp]\nyarn = \"y\"\nper_cm = 8\n[weft]\nyarn = \"y\"\nper_cm \
-         = 8\n[tile]\nrepeats = [3, 3]\n[yarn.y]\npreset = \"wool\"\ntex = 50\naspect = 1\nfibre_volume_fraction = 0.3\nhairs = \
-         {{ per_mm = 0 }}\nloops = {{ per_mm = 0 }}\nmigration = {{ min_fraction = 1, \
-         cycles_per_turn = 0 }}\n{crimp}\n"
-    );
-    toml::from_str(&text).unwrap()
+         = 8\n[tile]\nrepeats = [3, 3]\n[yarn.y]\npreset = \"wool\"\ntex = 50\naspect = 1\nfibre_volume_fraction = 0.3\n{NO_FUZZ}migration = \
+         {{ min_fraction = 1, cycles_per_turn = 0 }}\n{crimp}\n"
+    ))
 }
 
 /// Places of all pieces of fibre of a thread across it, at the samples of its path, in the round
@@ -49,9 +47,7 @@ fn places(cloth: &Cloth, batch: usize) -> Vec<Vec<DVec2>> {
 fn swings(cloth: &Cloth) -> [f64; 2] {
     let (mut changes, mut along_mm, mut square, mut samples) = (0.0, 0.0, 0.0, 0.0);
     for batch in 0..cloth.batch_count() {
-        let length_mm = cloth
-            .path(&cloth.threads[batch], CurveLevel::Fibre)
-            .length_mm();
+        let path = cloth.path(&cloth.threads[batch], CurveLevel::Fibre);
         for piece in places(cloth, batch) {
             let out: Vec<f64> = piece.iter().map(|p| p.length()).collect();
             let mean = out.iter().sum::<f64>() / out.len() as f64;
@@ -63,7 +59,7 @@ fn swings(cloth: &Cloth) -> [f64; 2] {
             changes += out.windows(2).filter(crosses).count() as f64;
             square += out.iter().map(|r| (r - mean).powi(2)).sum::<f64>();
             samples += out.len() as f64;
-            along_mm += length_mm;
+            along_mm += path.length_mm();
         }
     }
     [5.0 * changes / along_mm, (square / samples).sqrt()]
@@ -117,14 +113,12 @@ fn fibres_have_their_crimps_inside_the_yarn() {
             "{name}: {rms_mm} for {expected_mm}"
         );
         // The twin: half as many crimps.
-        let fewer = Cloth::build(&geometry(&HELIX.replace("12", "6")), &no_files, 7);
-        assert!((swings(&fewer.unwrap())[0] / 12.0 - 1.0).abs() > 0.15);
+        let fewer = self::cloth(&HELIX.replace("12", "6"));
+        assert!((swings(&fewer)[0] / 12.0 - 1.0).abs() > 0.15);
         let yarn = &cloth.yarns()[0];
         for batch in 0..cloth.batch_count() {
-            let out = places(cloth, batch)
-                .into_iter()
-                .flatten()
-                .map(DVec2::length);
+            let places = places(cloth, batch).into_iter().flatten();
+            let out = places.map(DVec2::length);
             let most = out.fold(0.0, f64::max) + yarn.fibre_radius_mm;
             assert!(most < 1.03 * yarn.ply_radius_mm, "{name}: {most}");
         }
@@ -137,10 +131,8 @@ fn crimp_takes_length_that_the_figures_count() {
     let mut percents = Vec::new();
     for crimp in ["", HELIX, WAVE] {
         let cloth = cloth(crimp);
-        let mut length = 0.0;
-        for batch in 0..cloth.batch_count() {
-            cloth.for_each_in_batch(batch, &mut |s| length += f64::from(s.length_mm()));
-        }
+        let lengths = segments(&cloth).into_iter().map(|s| s.length_mm());
+        let length: f64 = lengths.map(f64::from).sum();
         let figures = cloth.figures();
         let counted = figures.fibre_length_mm;
         println!("{crimp}: {counted} counted, {length} built");
@@ -169,7 +161,7 @@ fn crimped_fibres_hardly_overlap() {
         let mut dense = geometry(&keys);
         let yarn = dense.yarn.get_mut("y").unwrap();
         yarn.fibre_volume_fraction = Some(0.45);
-        overlap(&Cloth::build(&dense, &no_files, 7).unwrap())
+        overlap(&build(&dense))
     };
     let [fitting, excessive] = [12.0, 30.0].map(dense);
     println!(
@@ -187,36 +179,22 @@ fn crimped_fibres_close_over_the_tile() {
     assert_closed(&cloth(HELIX), CurveLevel::Fibre);
 }
 
+const WRONG: &str = "
+{ per_cm = 0, amplitude_um = 1 } | crimp.per_cm: expected a number from 0.1 to 200
+{ per_cm = 5, amplitude_um = 500 } | yarn.y.crimp.amplitude_um: expected at most
+{ per_cm = 5, amplitude_um = -1 } | crimp.amplitude_um: expected a number
+{ per_cm = 5, amplitude_um = 1, cv_percent = 50 } | crimp.cv_percent: expected
+";
+
 #[test]
 fn wrong_crimp_names_its_key() {
-    for (crimp, expected) in [
-        (
-            "{ per_cm = 0, amplitude_um = 1 }",
-            "crimp.per_cm: expected a number from 0.1 to 200",
-        ),
-        (
-            "{ per_cm = 5, amplitude_um = 500 }",
-            "yarn.y.crimp.amplitude_um: expected at most",
-        ),
-        (
-            "{ per_cm = 5, amplitude_um = -1 }",
-            "crimp.amplitude_um: expected a number",
-        ),
-        (
-            "{ per_cm = 5, amplitude_um = 1, cv_percent = 50 }",
-            "crimp.cv_percent: expected",
-        ),
-    ] {
-        let geometry = geometry(&format!("crimp = {crimp}"));
-        let error = Cloth::build(&geometry, &no_files, 1)
-            .unwrap_err()
-            .to_string();
-        assert!(error.contains(expected), "{crimp}: {error}");
+    for [crimp, expected] in table_rows(WRONG) {
+        let error = refusal(&geometry(&format!("crimp = {crimp}")));
+        assert_contains(&error, expected);
     }
     let ideal = FabricGeometry {
         ideal: true,
         ..geometry(HELIX)
     };
-    let ideal = Cloth::build(&ideal, &no_files, 7).unwrap();
-    assert!(ideal.yarns()[0].crimp.is_none());
+    assert!(build(&ideal).yarns()[0].crimp.is_none());
 }

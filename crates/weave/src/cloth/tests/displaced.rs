@@ -1,31 +1,30 @@
 //! Threads that wander sideways, and marks of the reed.
 
 use super::*;
-use crate::spec::{ReedSpec, ThreadWanderSpec};
+use crate::spec::ThreadWanderSpec;
 
 fn wandering(amplitude_um: f64, repeats: u32) -> FabricGeometry {
     let mut f = fabric("twill-2-1-z");
-    f.tile = TileSpec {
-        repeats: [repeats; 2],
-    };
-    let wander = ThreadWanderSpec {
-        amplitude_um,
-        length_mm: 3.0,
-    };
+    f.tile.repeats = [repeats; 2];
+    let wander: ThreadWanderSpec = parsed(&format!("amplitude_um = {amplitude_um}\nlength_mm = 3"));
     (f.warp.wander, f.weft.wander) = (Some(wander), Some(wander));
     f
+}
+
+/// Where an end lies across the cloth at rest, without what moves it aside along its length.
+fn across_mm(end: &ThreadAtRest) -> f64 {
+    match &end.line {
+        Centreline::Woven { origin, .. } => origin.x,
+        _ => panic!("woven"),
+    }
 }
 
 /// Sideways deviations of all samples of all ends from their mean, root mean square, um.
 fn rms_um(cloth: &Cloth) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
-    for e in 0..cloth.draft().unwrap().ends() {
-        let path = cloth.path(&cloth.threads[e], CurveLevel::Yarn);
-        let Centreline::Woven { origin, .. } = &cloth.threads[e].line else {
-            panic!("woven");
-        };
-        for p in &path.points {
-            sum += (p.x - origin.x).powi(2);
+    for thread in &cloth.threads[..cloth.draft().unwrap().ends()] {
+        for p in &cloth.path(thread, CurveLevel::Yarn).points {
+            sum += (p.x - across_mm(thread)).powi(2);
             count += 1.0;
         }
     }
@@ -54,11 +53,11 @@ fn crossings_stay_crossings_where_threads_wander() {
     let cloth = build(&wandering(40.0, 2));
     let draft = cloth.draft().unwrap();
     let (ends, picks) = (draft.ends(), draft.picks());
-    let paths: Vec<Path> = cloth
+    let paths = cloth
         .threads
         .iter()
-        .map(|t| cloth.path(t, CurveLevel::Yarn))
-        .collect();
+        .map(|t| cloth.path(t, CurveLevel::Yarn));
+    let paths: Vec<Path> = paths.collect();
     let mut farthest = 0.0f64;
     for e in 0..ends {
         for p in 0..picks {
@@ -67,10 +66,7 @@ fn crossings_stay_crossings_where_threads_wander() {
             let apart = (of_end - of_pick).truncate().length();
             assert!(apart < 4.0 * f64::EPSILON, "{e} {p}: {of_end} {of_pick}");
             assert_eq!(of_end.z > of_pick.z, draft.warp_up(e, p));
-            let Centreline::Woven { origin, .. } = &cloth.threads[e].line else {
-                panic!("woven");
-            };
-            farthest = farthest.max((of_end.x - origin.x).abs());
+            farthest = farthest.max((of_end.x - across_mm(&cloth.threads[e])).abs());
         }
     }
     assert!(farthest > 0.03, "{farthest}: nothing wanders");
@@ -103,18 +99,10 @@ fn threads_that_touch_side_by_side_wander_no_nearer() {
 #[test]
 fn the_reed_leaves_gaps_between_its_dents() {
     let mut f = fabric("plain");
-    f.tile = TileSpec { repeats: [6, 1] };
-    f.warp.reed_dents = Some(ReedSpec {
-        ends: 3,
-        gap_percent: 24.0,
-    });
+    f.tile.repeats = [6, 1];
+    f.warp.reed_dents = parsed("ends = 3\ngap_percent = 24");
     let cloth = build(&f);
-    let places: Vec<f64> = (0..12)
-        .map(|e| match &cloth.threads[e].line {
-            Centreline::Woven { origin, .. } => origin.x,
-            _ => panic!("woven"),
-        })
-        .collect();
+    let places: Vec<f64> = cloth.threads[..12].iter().map(across_mm).collect();
     for (i, pair) in places.windows(2).enumerate() {
         // 20 ends per centimetre: 0.5 mm, of which each of the two gaps in a dent gives 12 %.
         let expected = if i % 3 == 2 { 0.62 } else { 0.44 };
@@ -128,10 +116,7 @@ fn the_reed_leaves_gaps_between_its_dents() {
     }
     f.warp.per_cm = Some(52.0);
     f.draft.weave = Some("satin-5-2".to_owned());
-    f.warp.reed_dents = Some(ReedSpec {
-        ends: 2,
-        gap_percent: 100.0,
-    });
+    f.warp.reed_dents = parsed("ends = 2\ngap_percent = 100");
     let dense = build(&f);
     let width = dense.figures().warp.unwrap().width_mm;
     let at = |e: usize| dense.path(&dense.threads[e], CurveLevel::Yarn).points[0].x;
@@ -141,58 +126,25 @@ fn the_reed_leaves_gaps_between_its_dents() {
     );
 }
 
+const WRONG: &str = "
+warp.wander = { amplitude_um = 90, length_mm = 1 } | \
+    warp.wander.amplitude_um: expected a number from 0 to 75.0000, found 90
+weft.wander = { amplitude_um = 9, length_mm = 0 } | weft.wander.length_mm: expected
+weft.reed_dents = { ends = 2, gap_percent = 9 } | weft.reed_dents: only the warp
+warp.reed_dents = { ends = 1, gap_percent = 9 } | \
+    warp.reed_dents.ends: expected 2 to 64 ends, found 1
+warp.reed_dents = { ends = 2, gap_percent = -9 } | warp.reed_dents.gap_percent: expected
+";
+
 #[test]
 fn displacement_is_left_out_of_ideal_cloth_and_wrong_values_name_their_key() {
     let mut f = wandering(30.0, 1);
-    f.warp.reed_dents = Some(ReedSpec {
-        ends: 2,
-        gap_percent: 20.0,
-    });
+    f.warp.reed_dents = parsed("ends = 2\ngap_percent = 20");
     f.ideal = true;
     let [ideal, even] = [f, fabric("twill-2-1-z")].map(|f| build(&f));
-    let all = |cloth: &Cloth| {
-        let mut all = Vec::new();
-        cloth.for_each_in_batch(1, &mut |s| all.push(*s));
-        all
-    };
-    assert_eq!(all(&ideal), all(&even));
-    for (key, value, expected) in [
-        (
-            "warp",
-            "wander = { amplitude_um = 90, length_mm = 1 }",
-            "warp.wander.amplitude_um: expected a number from 0 to 75.0000, found 90",
-        ),
-        (
-            "weft",
-            "wander = { amplitude_um = 9, length_mm = 0 }",
-            "weft.wander.length_mm: expected",
-        ),
-        (
-            "weft",
-            "reed_dents = { ends = 2, gap_percent = 9 }",
-            "weft.reed_dents: only the warp",
-        ),
-        (
-            "warp",
-            "reed_dents = { ends = 1, gap_percent = 9 }",
-            "warp.reed_dents.ends: expected 2 to 64 ends, found 1",
-        ),
-        (
-            "warp",
-            "reed_dents = { ends = 2, gap_percent = -9 }",
-            "warp.reed_dents.gap_percent: expected",
-        ),
-    ] {
-        let (warp, weft) = if key == "warp" {
-            (value, "")
-        } else {
-            ("", value)
-        };
-        let text = format!(
-            "[draft]\nweave = \"plain\"\n[warp]\nper_cm = 20\n{warp}\n[weft]\nper_cm = 20\n{weft}\n"
-        );
-        let f: FabricGeometry = toml::from_str(&text).unwrap();
-        let error = Cloth::build(&f, &no_files, 1).unwrap_err().to_string();
-        assert!(error.contains(expected), "{expected}: {error}");
+    assert_eq!(segments_of(&ideal, [1]), segments_of(&even, [1]));
+    for [keys, expected] in table_rows(WRONG) {
+        let text = format!("draft.weave = 'plain'\nwarp.per_cm = 20\nweft.per_cm = 20\n{keys}");
+        assert_contains(&refusal(&parsed(&text)), expected);
     }
 }

@@ -2,30 +2,19 @@
 
 use super::*;
 use crate::protruding::Beside;
-use crate::spec::FlatteningSpec;
 
-fn flattening(crossing: f64, float: f64) -> Option<FlatteningSpec> {
-    Some(FlatteningSpec { crossing, float })
-}
+const FLATTENED: &str = "flattening = { crossing = 1.3, float = 0.9 }";
+/// Flattened yarn for weaves whose threads float over three others.
+const FLOATING: &str = "aspect = 1.2\nflattening = { crossing = 1.4, float = 0.8 }";
 
-fn woven(weave: &str, aspect: f64, flattening: Option<FlatteningSpec>) -> FabricGeometry {
-    let mut f = fabric(weave);
-    let yarn = YarnSpec {
-        aspect: Some(aspect),
-        flattening,
-        ..YarnSpec::default()
-    };
-    f.yarn.insert("cotton".to_owned(), yarn);
-    f
+fn woven(weave: &str, flattening: &str) -> FabricGeometry {
+    fabric_of(weave, &format!("aspect = 1.5\n{flattening}"))
 }
 
 /// Share of the volume inside threads that lies inside two of them, on a grid of points.
 fn shared(cloth: &Cloth) -> f64 {
     let tile = cloth.tile();
-    let (low, size) = (
-        tile.bounds_mm.min.as_dvec3(),
-        tile.bounds_mm.size().as_dvec3(),
-    );
+    let [low, size] = [tile.bounds_mm.min, tile.bounds_mm.size()].map(|v| v.as_dvec3());
     let counts = [96, 96, 32];
     let step = size / DVec3::new(96.0, 96.0, 32.0);
     let mut inside = vec![0u8; counts.iter().product()];
@@ -33,11 +22,8 @@ fn shared(cloth: &Cloth) -> f64 {
     for (batch, thread) in cloth.threads.iter().enumerate() {
         let across = usize::from(batch >= ends);
         let path = cloth.path(thread, CurveLevel::Yarn);
-        let strand = cloth.strand(batch, &path);
-        let mut beside = Beside {
-            strand: &strand,
-            nearest: 0,
-        };
+        let strand = &cloth.strand(batch, &path);
+        let mut beside = Beside { strand, nearest: 0 };
         for (i, inside) in inside.iter_mut().enumerate() {
             let [x, y, z] = [i / (96 * 32), i / 32 % 96, i % 32].map(|k| k as f64 + 0.5);
             let mut at = low + DVec3::new(x, y, z) * step;
@@ -58,9 +44,8 @@ fn shared(cloth: &Cloth) -> f64 {
 }
 
 /// A dense twill, as denim is, and a dense plain weave.
-fn dense(weave: &str, per_cm: [f64; 2], tex: f64, key: Option<FlatteningSpec>) -> FabricGeometry {
-    let mut f = woven(weave, 1.5, key);
-    f.yarn.get_mut("cotton").unwrap().tex = Some(tex);
+fn dense(weave: &str, per_cm: [f64; 2], tex: f64, flattening: &str) -> FabricGeometry {
+    let mut f = woven(weave, &format!("tex = {tex}\n{flattening}"));
     (f.warp.per_cm, f.weft.per_cm) = (Some(per_cm[0]), Some(per_cm[1]));
     f
 }
@@ -75,8 +60,8 @@ fn flattened_threads_share_less_room_than_threads_of_constant_section() {
         ("twill-2-2", [9.0, 8.5], 230.0),
         ("satin-5-2", [60.0, 30.0], 12.0),
     ] {
-        let share = |key| shared(&build(&dense(weave, per_cm, tex, key)));
-        let (constant, flattened) = (share(None), share(flattening(1.3, 0.9)));
+        let share = |keys| shared(&build(&dense(weave, per_cm, tex, keys)));
+        let (constant, flattened) = (share(""), share(FLATTENED));
         println!("{weave}: {constant:.4} of constant section, {flattened:.4} flattened");
         assert!(
             flattened < 0.5 * constant,
@@ -87,12 +72,9 @@ fn flattened_threads_share_less_room_than_threads_of_constant_section() {
 
 #[test]
 fn flattened_threads_keep_their_area_close_and_stay_in_the_tile() {
-    let mut f = woven("twill-3-1", 1.2, flattening(1.4, 0.8));
-    let two = YarnSpec {
-        plies: Some(2),
-        ..f.yarn["cotton"].clone()
-    };
-    f.yarn.insert("two".to_owned(), two);
+    let mut f = fabric_of("twill-3-1", FLOATING);
+    let two = format!("{FLOATING}\nplies = 2");
+    f.yarn.insert("two".to_owned(), parsed(&two));
     f.weft.yarn = vec!["two".to_owned()];
     let cloth = build(&f);
     for level in [CurveLevel::Yarn, CurveLevel::Ply, CurveLevel::Fibre] {
@@ -117,11 +99,9 @@ fn flattened_threads_keep_their_area_close_and_stay_in_the_tile() {
         assert!(highest.x <= narrowest * thread.section.flatten.x + 1e-12);
     }
     let bounds = cloth.tile().bounds_mm;
-    for batch in 0..cloth.batch_count() {
-        cloth.for_each_in_batch(batch, &mut |s| {
-            let b = s.bounds_mm();
-            assert!(b.min.z >= bounds.min.z && b.max.z <= bounds.max.z, "{s:?}");
-        });
+    for s in segments(&cloth) {
+        let b = s.bounds_mm();
+        assert!(b.min.z >= bounds.min.z && b.max.z <= bounds.max.z, "{s:?}");
     }
 }
 
@@ -129,25 +109,12 @@ fn flattened_threads_keep_their_area_close_and_stay_in_the_tile() {
 /// outside it.
 #[test]
 fn fibres_fill_the_section_of_their_place() {
-    let mut f = woven("twill-3-1", 1.2, flattening(1.4, 0.8));
-    let yarn = f.yarn.get_mut("cotton").unwrap();
-    yarn.loops = Some(crate::spec::LoopSpec {
-        per_mm: Some(0.0),
-        peak: None,
-    });
-    yarn.hairs = Some(crate::spec::HairSpec {
-        per_mm: Some(0.0),
-        ..Default::default()
-    });
-    let cloth = build(&f);
+    let cloth = build(&fabric_of("twill-3-1", &format!("{FLOATING}\n{NO_FUZZ}")));
     let path = cloth.path(&cloth.threads[0], CurveLevel::Fibre);
-    let strand = cloth.strand(0, &path);
+    let strand = &cloth.strand(0, &path);
     const PARTS: usize = 8;
     let mut farthest = [0.0f64; PARTS];
-    let mut beside = Beside {
-        strand: &strand,
-        nearest: 0,
-    };
+    let mut beside = Beside { strand, nearest: 0 };
     let mut last = None;
     strand.emit_fibres(&mut |s| {
         let at = s.start_mm.as_dvec3();
@@ -176,24 +143,14 @@ fn fibres_fill_the_section_of_their_place() {
 
 #[test]
 fn flattening_is_left_out_of_ideal_cloth_and_named_where_it_has_no_effect() {
-    let mut f = woven("plain", 1.5, flattening(1.3, 0.9));
+    let mut f = woven("plain", FLATTENED);
     f.ideal = true;
-    let [ideal, even] = [f, woven("plain", 1.5, None)].map(|f| build(&f));
-    for batch in 0..even.batch_count() {
-        let all = |cloth: &Cloth| {
-            let mut all = Vec::new();
-            cloth.for_each_in_batch(batch, &mut |s| all.push(*s));
-            all
-        };
-        assert_eq!(all(&ideal), all(&even));
-    }
+    let [ideal, even] = [f, woven("plain", "")].map(|f| segments(&build(&f)));
+    assert_eq!(ideal, even);
     let mut f = knit("garter");
-    let yarn = woven("plain", 1.5, flattening(1.3, 0.9)).yarn;
-    f.yarn = yarn;
-    let warnings = build(&f).warnings().join("; ");
-    assert!(warnings.contains("yarn.cotton.flattening"), "{warnings}");
-    let f = woven("plain", 1.5, flattening(0.9, 0.9));
-    let error = Cloth::build(&f, &no_files, 1).unwrap_err().to_string();
+    f.yarn = woven("plain", FLATTENED).yarn;
+    assert_contains(&build(&f).warnings().join("; "), "yarn.cotton.flattening");
+    let narrow = woven("plain", "flattening.crossing = 0.9\nflattening.float = 0.9");
     let expected = "yarn.cotton.flattening.crossing: expected a number from 1 to 3, found 0.9";
-    assert_eq!(error, expected);
+    assert_eq!(refusal(&narrow), expected);
 }

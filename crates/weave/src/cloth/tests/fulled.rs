@@ -2,40 +2,22 @@
 
 use super::irregular::irregular;
 use super::*;
-use crate::spec::HairinessSpec;
 use std::f64::consts::PI;
 
 const SEED: u64 = 7;
 
 /// An open plain weave of wool without hairs.
 fn fulled(degree: Option<f64>) -> Cloth {
-    let yarn = YarnSpec {
-        preset: Some("wool".to_owned()),
-        tex: Some(60.0),
-        fulling: degree,
-        hairiness: Some(HairinessSpec {
-            index: 0.0,
-            length_mm: 1.0,
-            reach_mm: 0.1,
-            curl_mm: 1.0,
-            returning: 0.0,
-            lean: [0.0; 2],
-            smooth: false,
-        }),
-        ..YarnSpec::default()
-    };
-    let mut fabric = irregular(4, yarn);
-    fabric.warp.per_cm = Some(11.0);
-    fabric.weft.per_cm = Some(11.0);
+    let fulling = degree.map_or(String::new(), |d| format!("fulling = {d}"));
+    let mut fabric = irregular(
+        4,
+        &format!(
+            "preset = 'wool'\ntex = 60\nhairiness = {{ index = 0, length_mm = 1, reach_mm = 0.1 }}\n\
+             {fulling}"
+        ),
+    );
+    (fabric.warp.per_cm, fabric.weft.per_cm) = (Some(11.0), Some(11.0));
     Cloth::build(&fabric, &no_files, SEED).unwrap()
-}
-
-fn segments(cloth: &Cloth) -> Vec<Segment> {
-    let mut all = Vec::new();
-    for batch in 0..cloth.batch_count() {
-        cloth.for_each_in_batch(batch, &mut |s| all.push(*s));
-    }
-    all
 }
 
 fn volume_mm3(all: &[Segment]) -> f64 {
@@ -143,11 +125,6 @@ fn felt_begins_where_fibres_end() {
 
 #[test]
 fn degrees_beyond_one_are_refused() {
-    let yarn = YarnSpec {
-        fulling: Some(1.5),
-        ..YarnSpec::default()
-    };
-    let error = Cloth::build(&irregular(1, yarn), &no_files, 7).unwrap_err();
     let words = "yarn.cotton.fulling: expected a number from 0 to 1, found 1.5";
-    assert!(error.to_string().contains(words), "{error}");
+    assert_contains(&refusal(&irregular(1, "fulling = 1.5")), words);
 }

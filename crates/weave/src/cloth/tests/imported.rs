@@ -22,13 +22,11 @@ fn imported_yarns_get_fibres_and_imported_fibres_stay_as_they_are() {
     assert!(!yarns.tile().repeats);
     let bounds = yarns.tile().bounds_mm;
     let (mut count, mut low, mut high) = (0, f32::INFINITY, f32::NEG_INFINITY);
-    for batch in 0..yarns.batch_count() {
-        yarns.for_each_in_batch(batch, &mut |s| {
-            assert!(bounds.contains(s.bounds_mm().min) && bounds.contains(s.bounds_mm().max));
-            assert!((s.start_tangent.length() - 1.0).abs() < 4.0 * f32::EPSILON);
-            count += 1;
-            (low, high) = (low.min(s.start_mm.x), high.max(s.end_mm.x));
-        });
+    for s in segments(&yarns) {
+        assert!(bounds.contains(s.bounds_mm().min) && bounds.contains(s.bounds_mm().max));
+        assert!((s.start_tangent.length() - 1.0).abs() < 4.0 * f32::EPSILON);
+        count += 1;
+        (low, high) = (low.min(s.start_mm.x), high.max(s.end_mm.x));
     }
     assert!(
         count > 1000 && low < 0.1 && high > 5.9,
@@ -58,13 +56,12 @@ fn imported_yarns_get_fibres_and_imported_fibres_stay_as_they_are() {
     assert!((lengths[1] / lengths[0] - 1.0).abs() < 1e-4, "{lengths:?}");
     f.draft.curve_tile_mm = Some([4.0, 0.0]);
     let refusal = Cloth::build(&f, &load, 1).unwrap_err().to_string();
-    assert!(refusal.contains("draft.curve_tile_mm"), "{refusal}");
+    assert_contains(&refusal, "draft.curve_tile_mm");
     f.draft.curve_tile_mm = None;
 
     f.draft.curves_are = CurveKind::Fibres;
     let fibres = Cloth::build(&f, &load, 1).unwrap();
-    let mut segments = Vec::new();
-    (0..2).for_each(|b| fibres.for_each_in_batch(b, &mut |s| segments.push(*s)));
+    let segments = segments_of(&fibres, 0..2);
     assert_eq!(segments.len(), 4);
     assert_eq!(segments[3].end_mm, Vec3::new(6.0, 2.0, 0.0));
     assert_eq!(
@@ -84,11 +81,8 @@ fn closed_imported_yarns_close() {
         })
         .collect();
     let set = crate::curve_file::CurveSet::read_text(&ring, 1.0).unwrap();
-    let points: Vec<DVec3> = set.curves[0]
-        .points_mm
-        .iter()
-        .map(|p| p.as_dvec3())
-        .collect();
+    let points = set.curves[0].points_mm.iter().map(|p| p.as_dvec3());
+    let points: Vec<DVec3> = points.collect();
     let path = Path::through(&points, Some(DVec3::ZERO), 0.05);
     let last = path.steps();
     assert!(path.points[0].distance(path.points[last]) < 4.0 * f64::EPSILON);
@@ -202,8 +196,7 @@ fn curves_that_cannot_collide_are_refused_with_their_key() {
             d.curves_collide = true;
             change(d);
         };
-        let error = imported(text, both).unwrap_err().to_string();
-        assert!(error.contains(expected), "{error}");
+        assert_contains(&imported(text, both).unwrap_err().to_string(), expected);
     };
     refused(
         line,

@@ -11,8 +11,7 @@ fn text(keys: &str) -> String {
 }
 
 fn cloth(keys: &str) -> Result<Cloth, Error> {
-    let geometry: FabricGeometry = toml::from_str(&text(keys)).unwrap();
-    Cloth::build(&geometry, &no_files, 7)
+    Cloth::build(&parsed(&text(keys)), &no_files, 7)
 }
 
 /// Middles of the ends, mm, and the names of their yarns.
@@ -49,30 +48,21 @@ fn a_missing_end_leaves_a_gap_over_which_picks_float() {
     let draft = whole.draft().unwrap();
     assert!((0..draft.picks()).all(|p| draft.warp_up(1, p) != draft.warp_up(2, p)));
     // What is ideal has all its threads.
-    let geometry: FabricGeometry = toml::from_str(&text("missing = [2]")).unwrap();
+    let geometry: FabricGeometry = parsed(&text("missing = [2]"));
     assert!(geometry.without_irregularity().warp.missing.is_empty());
 }
 
 #[test]
 fn missing_threads_that_the_tile_does_not_have_are_refused() {
-    for (keys, wanted) in [
-        (
-            "missing = [6]",
-            "warp.missing: expected numbers from 0 to 5, found 6",
-        ),
-        (
-            "missing = [0, 1, 2, 3, 5]",
-            "warp.missing: leaves 1 of 6 threads; expected at least 2",
-        ),
-    ] {
+    for [keys, wanted] in table_rows(
+        "missing = [6] | warp.missing: expected numbers from 0 to 5, found 6
+        missing = [0, 1, 2, 3, 5] | warp.missing: leaves 1 of 6 threads; expected at least 2",
+    ) {
         assert_eq!(cloth(keys).unwrap_err().to_string(), wanted);
     }
     let knit = "[draft]\nknit = \"stockinette\"\nwales_per_cm = 12\n[weft]\nper_cm = 16\n\
                 missing = [1]\n";
-    let error = Cloth::build(&toml::from_str(knit).unwrap(), &no_files, 7);
-    let error = error.unwrap_err().to_string();
-    assert!(
-        error.starts_with("weft.missing: belongs to a weave"),
-        "{error}"
-    );
+    let error = refusal(&parsed(knit));
+    let expected = "weft.missing: belongs to a weave";
+    assert!(error.starts_with(expected), "{error}");
 }

@@ -18,25 +18,23 @@ fn spec(per_m: f64, size_mm: [f64; 2]) -> NepSpec {
     }
 }
 
+fn nepped(repeats: u32, neps: Option<NepSpec>) -> FabricGeometry {
+    let mut fabric = irregular(repeats, "tex = 40");
+    (fabric.warp.per_cm, fabric.weft.per_cm) = (Some(14.0), Some(14.0));
+    fabric.yarn.get_mut("cotton").unwrap().neps = neps;
+    fabric
+}
+
 fn with_neps(repeats: u32, neps: Option<NepSpec>, seed: u64) -> Cloth {
-    let yarn = YarnSpec {
-        tex: Some(40.0),
-        neps,
-        ..YarnSpec::default()
-    };
-    let mut fabric = irregular(repeats, yarn);
-    fabric.warp.per_cm = Some(14.0);
-    fabric.weft.per_cm = Some(14.0);
-    Cloth::build(&fabric, &no_files, seed).unwrap()
+    Cloth::build(&nepped(repeats, neps), &no_files, seed).unwrap()
 }
 
 fn neps(cloth: &Cloth) -> (Vec<Nep>, f64) {
     let (mut all, mut length_mm) = (Vec::new(), 0.0);
-    for batch in 0..cloth.threads.len() {
-        let path = cloth.path(&cloth.threads[batch], CurveLevel::Fibre);
-        all.extend(cloth.strand(batch, &path).neps());
-        length_mm += path.length_mm();
-    }
+    for_each_strand(cloth, |_, strand| {
+        all.extend(strand.neps());
+        length_mm += strand.path.length_mm();
+    });
     (all, length_mm)
 }
 
@@ -45,17 +43,13 @@ fn fibres(cloth: &Cloth) -> Vec<(usize, Vec<Segment>)> {
     let mut all: Vec<(usize, Vec<Segment>)> = Vec::new();
     for batch in 0..cloth.threads.len() {
         let mut fibre = None;
-        cloth.for_each_in_batch(batch, &mut |s| {
-            if cloth.materials()[usize::from(s.material)].colour.is_none() {
-                return;
-            }
+        let coloured = |s: &Segment| colour(cloth, s).is_some();
+        for s in segments_of(cloth, [batch]).into_iter().filter(coloured) {
             if fibre.replace(s.fibre) != Some(s.fibre) {
                 all.push((batch, Vec::new()));
             }
-            if let Some(last) = all.last_mut() {
-                last.1.push(*s);
-            }
-        });
+            all.last_mut().unwrap().1.push(s);
+        }
     }
     all
 }
@@ -109,11 +103,8 @@ fn neps_are_small_coloured_and_half_out() {
     let (mut volume, mut out, mut in_all, mut gold) = (0.0, 0.0, 0.0, 0.0);
     for (batch, fibre) in &fibres {
         let path = cloth.path(&cloth.threads[*batch], CurveLevel::Fibre);
-        let strand = cloth.strand(*batch, &path);
-        let mut beside = crate::protruding::Beside {
-            strand: &strand,
-            nearest: 0,
-        };
+        let strand = &cloth.strand(*batch, &path);
+        let mut beside = crate::protruding::Beside { strand, nearest: 0 };
         beside.search(fibre[0].start_mm.as_dvec3());
         for s in fibre {
             let at = (0.5 * (s.start_mm + s.end_mm)).as_dvec3();
@@ -131,8 +122,7 @@ fn neps_are_small_coloured_and_half_out() {
                 in_all += f64::from(s.length_mm());
             }
         }
-        let colour = cloth.materials()[usize::from(fibre[0].material)].colour;
-        gold += f64::from(u8::from(colour == Some(GOLD)));
+        gold += f64::from(u8::from(colour(&cloth, &fibre[0]) == Some(GOLD)));
     }
     let balls = all.iter().map(|n| n.size_mm.powi(3)).sum::<f64>();
     let wanted = crate::clump::FILL * std::f64::consts::PI / 6.0 * balls;
@@ -147,11 +137,8 @@ fn neps_are_small_coloured_and_half_out() {
         (share - 2.0 / 3.0).abs() < error,
         "seed {SEED}: {share} +- {error}"
     );
-    assert!(
-        (0.2..0.8).contains(&(out / in_all)),
-        "seed {SEED}: {}",
-        out / in_all
-    );
+    let outside = out / in_all;
+    assert!((0.2..0.8).contains(&outside), "seed {SEED}: {outside}");
     // Size is mean and deviation.
     let mean = all.iter().map(|n| n.size_mm).sum::<f64>() / all.len() as f64;
     let error = 4.0 * 0.1 / (all.len() as f64).sqrt();
@@ -169,17 +156,9 @@ fn neps_change_nothing_else() {
     let [without, with] = [None, Some(spec(400.0, [0.5, 0.1]))].map(|n| with_neps(2, n, 7));
     let mut more = 0;
     for batch in 0..without.batch_count() {
-        let list = |cloth: &Cloth| {
-            let mut all = Vec::new();
-            cloth.for_each_in_batch(batch, &mut |s| all.push(*s));
-            all
-        };
-        let (plain, nepped) = (list(&without), list(&with));
-        let same = plain.iter().zip(&nepped);
-        assert!(
-            same.clone()
-                .all(|(a, b)| a.start_mm == b.start_mm && a.fibre == b.fibre)
-        );
+        let [plain, nepped] = [&without, &with].map(|cloth| segments_of(cloth, [batch]));
+        let same = |(a, b): (&Segment, &Segment)| a.start_mm == b.start_mm && a.fibre == b.fibre;
+        assert!(plain.iter().zip(&nepped).all(same));
         more += nepped.len() - plain.len();
     }
     assert!(more > 1000);
@@ -212,7 +191,7 @@ fn neps_of_cut_pile_and_nonwovens_are_warned_of() {
     let keys = "[yarn.fluffy]\npreset = 'wool'\nfulling = 0.5\nneps = { per_m = 40, size_mm = [0.5, \
                 0.1] }\n";
     for fabric in [pile, web] {
-        let cloth = build(&toml::from_str(&format!("{fabric}{keys}")).unwrap());
+        let cloth = build(&parsed(&format!("{fabric}{keys}")));
         for key in ["neps", "fulling"] {
             let words = format!("yarn.fluffy.{key} has no effect");
             let found = cloth.warnings().iter().filter(|w| w.contains(&words));
@@ -225,42 +204,24 @@ fn neps_of_cut_pile_and_nonwovens_are_warned_of() {
         "yarn = 'cotton'\nper_cm = 18",
         "yarn = 'fluffy'\nper_cm = 8",
     );
-    let cloth = build(&toml::from_str(&format!("{both}{keys}")).unwrap());
+    let cloth = build(&parsed(&format!("{both}{keys}")));
     let warned = cloth.warnings().iter().any(|w| w.contains("has no effect"));
     assert!(!warned && cloth.openings.is_some());
 }
 
 #[test]
 fn neps_that_cannot_be_are_refused() {
-    let refused = |spec: NepSpec| {
-        let yarn = YarnSpec {
-            neps: Some(spec),
-            ..YarnSpec::default()
-        };
-        let error = Cloth::build(&irregular(1, yarn), &no_files, 7).unwrap_err();
-        error.to_string()
-    };
-    for (spec, words) in [
-        (spec(-1.0, [0.5, 0.1]), "neps.per_m: expected a number from"),
-        (spec(9.0, [50.0, 0.1]), "neps.size_mm[0]: expected a number"),
-        (
-            spec(9.0, [0.5, 0.3]),
-            "neps.size_mm[1]: expected a number from 0 to 0.25, found 0.3",
-        ),
-        (spec(900.0, [2.0, 0.1]), "would weigh"),
-        (
-            spec(1.0, [0.8, 0.1]),
-            "neps: expected a tile as wide as a nep, 2.15 mm, found",
-        ),
-        (
-            NepSpec {
-                colours: vec![Rgb::new(2.0, 0.0, 0.0)],
-                ..spec(9.0, [0.5, 0.1])
-            },
-            "neps.colours[0]: expected a number from 0 to 1",
-        ),
-    ] {
-        let message = refused(spec);
-        assert!(message.contains(words), "{message}");
+    const WRONG: &str = "
+per_m = -1, size_mm = [0.5, 0.1] | neps.per_m: expected a number from
+per_m = 9, size_mm = [50, 0.1] | neps.size_mm[0]: expected a number
+per_m = 9, size_mm = [0.5, 0.3] | neps.size_mm[1]: expected a number from 0 to 0.25, found 0.3
+per_m = 900, size_mm = [2, 0.1] | would weigh
+per_m = 1, size_mm = [0.8, 0.1] | neps: expected a tile as wide as a nep, 2.15 mm, found
+per_m = 9, size_mm = [0.5, 0.1], colours = [[2, 0, 0]] | \
+    neps.colours[0]: expected a number from 0 to 1
+";
+    for [neps, words] in table_rows(WRONG) {
+        let error = refusal(&irregular(1, &format!("neps = {{ {neps} }}")));
+        assert_contains(&error, words);
     }
 }

@@ -8,19 +8,16 @@ const FELT: &str = "fibre = 'wool'\nareal_density_g_per_m2 = 60\nthickness_mm = 
 
 fn nonwoven(text: &str) -> FabricGeometry {
     FabricGeometry {
-        nonwoven: Some(toml::from_str::<NonwovenSpec>(text).unwrap()),
+        nonwoven: parsed(text),
         ..FabricGeometry::default()
     }
 }
 
 /// Mass per area from the segments that consumers see.
 fn mass_g_per_m2(cloth: &Cloth) -> f64 {
-    let mut volume = 0.0;
-    for batch in 0..cloth.batch_count() {
-        cloth.for_each_in_batch(batch, &mut |s| {
-            volume += f64::from(s.length_mm() * s.start_radius_mm.powi(2));
-        });
-    }
+    let volumes = segments(cloth).into_iter();
+    let volumes = volumes.map(|s| f64::from(s.length_mm() * s.start_radius_mm.powi(2)));
+    let volume: f64 = volumes.sum();
     let size = cloth.tile().period_mm().as_dvec2();
     1000.0 * 1.31 * std::f64::consts::PI * volume / (size.x * size.y)
 }
@@ -75,18 +72,11 @@ fn fibres_lie_in_the_tile_do_not_share_room_and_are_the_same_every_time() {
     let other = Cloth::build(&nonwoven(FELT), &no_files, 2).unwrap();
     let bounds = cloth.tile().bounds_mm;
     let size = bounds.size();
-    let all = |cloth: &Cloth| {
-        let mut all = Vec::new();
-        for batch in 0..cloth.batch_count() {
-            cloth.for_each_in_batch(batch, &mut |s| all.push(*s));
-        }
-        all
-    };
-    let segments = all(&cloth);
-    assert_eq!(segments, all(&again));
-    assert_ne!(segments, all(&other));
-    assert!(segments.len() > 3000);
-    for s in &segments {
+    let all = segments(&cloth);
+    assert_eq!(all, segments(&again));
+    assert_ne!(all, segments(&other));
+    assert!(all.len() > 3000);
+    for s in &all {
         let middle = 0.5 * (s.start_mm + s.end_mm);
         assert!((-1e-4..=size.x + 1e-4).contains(&middle.x), "{s:?}");
         assert!((-1e-4..=size.y + 1e-4).contains(&middle.y), "{s:?}");
@@ -125,13 +115,11 @@ fn needles_carry_fibres_through_the_thickness() {
 /// beyond 0.12 mm.
 fn thin_and_thick(cloth: &Cloth) -> [f64; 2] {
     let mut top = vec![0.0f32; 3000];
-    for batch in 0..cloth.batch_count() {
-        cloth.for_each_in_batch(batch, &mut |s| {
-            let at = 0.5 * (s.start_mm + s.end_mm);
-            let [x, y] = [at.x * 20.0, at.y * 20.0].map(|v| v.max(0.0) as usize);
-            let cell = &mut top[y.min(49) * 60 + x.min(59)];
-            *cell = cell.max(at.z.abs());
-        });
+    for s in segments(cloth) {
+        let at = 0.5 * (s.start_mm + s.end_mm);
+        let [x, y] = [at.x * 20.0, at.y * 20.0].map(|v| v.max(0.0) as usize);
+        let cell = &mut top[y.min(49) * 60 + x.min(59)];
+        *cell = cell.max(at.z.abs());
     }
     let share = |is_so: fn(f32) -> bool| {
         top.iter().filter(|z| is_so(**z)).count() as f64 / top.len() as f64
@@ -152,57 +140,36 @@ fn bonding_points_are_thin_and_take_their_share_of_the_area() {
     assert!(without < 0.2 && thick > 0.5, "{without}, {thick}");
 }
 
+/// What is replaced in a felt, and why it is refused then.
+const REPLACED: &str = r#"
+= 60 | = 6e4 | nonwoven.areal_density_g_per_m2: expected a number from 1 to 5000 g/m2, found 60000
+= 0.5 | = 0.05 | nonwoven.thickness_mm: fibres of 60 g/m2 would fill 92 % of 0.05 mm
+'wool' | 'wol' | nonwoven.fibre: there is no [yarn.wol] and no preset of that name; did you mean "wool"?
+[3.0, 2.5] | [200.0, 200.0] | nonwoven.tile_mm: the fibres of 200 x 200 mm are
+crimp_percent = 6 | crimps_per_cm = 6 | nonwoven.crimps_per_cm: has no effect without
+"#;
+
+/// The same for what is added.
+const ADDED: &str = "
+anisotropy = 15 | nonwoven.anisotropy: fibres with 6 % of crimp reach a ratio from
+colours = [[2, 0, 0]] | nonwoven.colours[0]: expected linear RGB
+needling.punches_per_cm2 = 1e5 | \
+    nonwoven.needling.punches_per_cm2: expected a number from 1 to 2000 per cm2
+bonding = { points_per_cm2 = 50, area_percent = 5, thickness_mm = 1 } | \
+    nonwoven.bonding.thickness_mm: expected a number from 0.005 to 0.5 mm, found 1
+";
+
 #[test]
 fn wrong_nonwovens_are_refused_with_their_key() {
-    for (text, expected) in [
-        (
-            FELT.replace("60", "6e4"),
-            "nonwoven.areal_density_g_per_m2: expected a number from 1 to 5000 g/m2, found 60000",
-        ),
-        (
-            FELT.replace("0.5", "0.05"),
-            "nonwoven.thickness_mm: fibres of 60 g/m2 would fill 92 % of 0.05 mm",
-        ),
-        (
-            FELT.replace("'wool'", "'wol'"),
-            "nonwoven.fibre: there is no [yarn.wol] and no preset of that name; did you mean \
-             \"wool\"?",
-        ),
-        (
-            format!("{FELT}anisotropy = 15"),
-            "nonwoven.anisotropy: fibres with 6 % of crimp reach a ratio from",
-        ),
-        (
-            format!("{FELT}colours = [[2, 0, 0]]"),
-            "nonwoven.colours[0]: expected linear RGB",
-        ),
-        (
-            format!("{FELT}[needling]\npunches_per_cm2 = 1e5"),
-            "nonwoven.needling.punches_per_cm2: expected a number from 1 to 2000 per cm2",
-        ),
-        (
-            format!("{FELT}[bonding]\npoints_per_cm2 = 50\narea_percent = 5\nthickness_mm = 1"),
-            "nonwoven.bonding.thickness_mm: expected a number from 0.005 to 0.5 mm, found 1",
-        ),
-        (
-            FELT.replace("[3.0, 2.5]", "[200.0, 200.0]"),
-            "nonwoven.tile_mm: the fibres of 200 x 200 mm are",
-        ),
-        (
-            FELT.replace("crimp_percent = 6", "crimps_per_cm = 6"),
-            "nonwoven.crimps_per_cm: has no effect without",
-        ),
-    ] {
-        let error = Cloth::build(&nonwoven(&text), &no_files, 1).unwrap_err();
-        assert!(error.to_string().contains(expected), "{error}");
+    for [from, to, expected] in table_rows(REPLACED) {
+        assert_contains(&refusal(&nonwoven(&FELT.replace(from, to))), expected);
+    }
+    for [keys, expected] in table_rows(ADDED) {
+        assert_contains(&refusal(&nonwoven(&format!("{FELT}{keys}"))), expected);
     }
     let mut both = nonwoven(FELT);
     both.draft.weave = Some("plain".to_owned());
-    let error = Cloth::build(&both, &no_files, 1).unwrap_err().to_string();
-    assert!(
-        error.contains("draft: a nonwoven has no threads"),
-        "{error}"
-    );
-    let error = toml::from_str::<NonwovenSpec>(&FELT.replace("length_mm", "lenght_mm"));
-    assert!(error.unwrap_err().to_string().contains("lenght_mm"));
+    assert_contains(&refusal(&both), "draft: a nonwoven has no threads");
+    let misspelt = toml::from_str::<NonwovenSpec>(&FELT.replace("length_mm", "lenght_mm"));
+    assert_contains(&misspelt.unwrap_err().to_string(), "lenght_mm");
 }

@@ -4,11 +4,10 @@ use super::*;
 use crate::openwork::OpenworkKind;
 
 fn openwork(kind: &str, tex: f64) -> FabricGeometry {
-    toml::from_str(&format!(
+    parsed(&format!(
         "draft.openwork = '{kind}'\nwarp.per_cm = 9\nweft.per_cm = 10\n\
          [yarn.cotton]\ntex = {tex}\n[tile]\nrepeats = [2, 1]"
     ))
-    .unwrap()
 }
 
 /// The threads as they are drawn, before they are pushed apart, are the twin: some of them share
@@ -82,12 +81,8 @@ fn threads_close_over_the_tile_and_leno_ends_cross() {
     let cloth = build(&openwork("leno", 7.0));
     let at = |thread: usize, y: f64| {
         let path = cloth.path(&cloth.threads[thread], CurveLevel::Yarn);
-        let near = |p: &&DVec3| (p.y - y).abs();
-        *path
-            .points
-            .iter()
-            .min_by(|a, b| near(a).total_cmp(&near(b)))
-            .unwrap()
+        let near = |a: &DVec3, b: &DVec3| (a.y - y).abs().total_cmp(&(b.y - y).abs());
+        path.points.into_iter().min_by(near).unwrap()
     };
     // Picks lie at 0.5 and 1.5 mm; ground end 0, doup end 1.
     for (y, side) in [(0.5, 1.0), (1.5, -1.0)] {
@@ -101,23 +96,14 @@ fn threads_close_over_the_tile_and_leno_ends_cross() {
 
 #[test]
 fn wrong_openwork_is_refused() {
-    let refused = |f: &FabricGeometry| Cloth::build(f, &no_files, 1).unwrap_err().to_string();
-    let error = refused(&openwork("bobinet", 7.0));
-    assert!(
-        error.contains(
-            "draft.openwork: no openwork is called \"bobinet\"; did you mean \"bobbinet\"?"
-        ),
-        "{error}"
-    );
-    let error = refused(&openwork("leno", 4000.0));
-    assert!(
-        error.contains("the fabric is jammed: the threads of a leno need"),
-        "{error}"
-    );
+    let expected = "draft.openwork: no openwork is called \"bobinet\"; did you mean \"bobbinet\"?";
+    assert_contains(&refusal(&openwork("bobinet", 7.0)), expected);
+    let expected = "the fabric is jammed: the threads of a leno need";
+    assert_contains(&refusal(&openwork("leno", 4000.0)), expected);
     let mut none = openwork("leno", 7.0);
     none.warp.per_cm = None;
-    assert!(refused(&none).contains("warp"), "{}", refused(&none));
+    assert_contains(&refusal(&none), "warp");
     none = openwork("leno", 7.0);
     none.tile.repeats = [1000, 1000];
-    assert!(refused(&none).contains("tile.repeats: 2000 ends x 2000 rows"));
+    assert_contains(&refusal(&none), "tile.repeats: 2000 ends x 2000 rows");
 }

@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::separate::{Line, Room, overlap};
-use crate::spec::PileSpec;
 use glam::DVec2;
 
 const CUT: &str = "kind = 'cut'\nyarn = 'rayon'\nheight_mm = 1.5\nevery = [2, 2]\n\
@@ -14,10 +13,8 @@ const WALE: &str = "kind = 'wale'\nyarn = 'cotton'\nheight_mm = 1\nevery = [1, 1
 
 fn with_pile(pile: &str, repeats: u32) -> FabricGeometry {
     let mut f = fabric("plain");
-    f.pile = Some(toml::from_str::<PileSpec>(pile).unwrap());
-    f.tile = TileSpec {
-        repeats: [repeats, repeats],
-    };
+    f.pile = parsed(pile);
+    f.tile.repeats = [repeats, repeats];
     f
 }
 
@@ -91,11 +88,8 @@ fn pile_stays_inside_the_tile_and_is_the_same_every_time() {
         let again = build(&with_pile(text, 6));
         let (mut top, mut pieces) = (f32::NEG_INFINITY, 0);
         for batch in 0..cloth.batch_count() {
-            let mut all = Vec::new();
-            cloth.for_each_in_batch(batch, &mut |s| all.push(*s));
-            let mut same = Vec::new();
-            again.for_each_in_batch(batch, &mut |s| same.push(*s));
-            assert_eq!(all, same);
+            let all = segments_of(&cloth, [batch]);
+            assert_eq!(all, segments_of(&again, [batch]));
             pieces += all.len();
             for s in all {
                 assert_eq!(s.yarn as usize, batch);
@@ -147,10 +141,8 @@ fn figures_tell_how_long_pile_ends_are_and_what_loops_hide() {
     let size = cloth.tile().bounds_mm.size().as_dvec3();
     let laid = |t: &&ThreadAtRest| matches!(t.line, Centreline::Laid { .. });
     let ends: Vec<_> = cloth.threads.iter().filter(laid).collect();
-    let lengths = ends
-        .iter()
-        .map(|t| cloth.path(t, CurveLevel::Yarn).length_mm());
-    let length_mm: f64 = lengths.sum();
+    let length_mm = |t: &&ThreadAtRest| cloth.path(t, CurveLevel::Yarn).length_mm();
+    let length_mm: f64 = ends.iter().map(length_mm).sum();
     let expected = length_mm / (ends.len() as f64 * size.y);
     assert!(
         (ratio / expected - 1.0).abs() < 4.0 * f64::from(f32::EPSILON),
@@ -164,15 +156,27 @@ fn figures_tell_how_long_pile_ends_are_and_what_loops_hide() {
     let sparse = build(&with_pile(&LOOP.replace("[1, 3]", "[3, 3]"), 4));
     let sparse = sparse.figures().pile.unwrap().loop_cover.unwrap();
     assert!(sparse < 0.7 * cover, "{sparse}, {cover}");
-    assert_eq!(
-        build(&with_pile(CUT, 2)).figures().pile.unwrap().loop_cover,
-        None
-    );
+    let cut = build(&with_pile(CUT, 2)).figures().pile.unwrap();
+    assert_eq!(cut.loop_cover, None);
 }
 
-/// The pile ends as lines, and the room of their tile.
-fn pile_ends(cloth: &Cloth) -> (Vec<Line>, Room) {
-    let size_mm = cloth.tile().bounds_mm.size().truncate().as_dvec2();
+/// By how much the lines overlap, in the room of the cloth's tile.
+fn depth(cloth: &Cloth, lines: &[Line]) -> f64 {
+    let room = Room {
+        size_mm: cloth.tile().bounds_mm.size().truncate().as_dvec2(),
+        faces_mm: [f64::NEG_INFINITY, f64::INFINITY],
+    };
+    let (mean, _, count) = overlap(lines, room);
+    mean * count as f64
+}
+
+/// A cloth whose pile does not collide and the same whose pile does.
+fn plain_and_pushed(pile: &str, repeats: u32) -> [Cloth; 2] {
+    ["", "\ncollide = true"].map(|key| build(&with_pile(&format!("{pile}{key}"), repeats)))
+}
+
+/// The pile ends as lines.
+fn pile_ends(cloth: &Cloth) -> Vec<Line> {
     let line = |thread: &ThreadAtRest| match &thread.line {
         Centreline::Laid { points, period } => Some(Line {
             points: points.to_vec(),
@@ -182,11 +186,7 @@ fn pile_ends(cloth: &Cloth) -> (Vec<Line>, Room) {
         }),
         _ => None,
     };
-    let room = Room {
-        size_mm,
-        faces_mm: [f64::NEG_INFINITY, f64::INFINITY],
-    };
-    (cloth.threads.iter().filter_map(line).collect(), room)
+    cloth.threads.iter().filter_map(line).collect()
 }
 
 /// Loops that collide keep their feet and the lengths of their ends, and give way above the
@@ -195,18 +195,13 @@ fn pile_ends(cloth: &Cloth) -> (Vec<Line>, Room) {
 fn loops_that_collide_hardly_overlap() {
     let dense = LOOP.replace("'both'", "'face'");
     for text in [LOOP, dense.as_str()] {
-        let [plain, pushed] =
-            ["", "\ncollide = true"].map(|key| build(&with_pile(&format!("{text}{key}"), 6)));
-        let face_mm = plain.pile.as_ref().unwrap().face_mm;
-        let [plain, pushed] = [plain, pushed].map(|cloth| pile_ends(&cloth));
-        let depth = |(lines, room): &(Vec<Line>, Room)| {
-            let (mean, _, count) = overlap(lines, *room);
-            mean * count as f64
-        };
-        let [before, after] = [&plain, &pushed].map(depth);
+        let clothes = plain_and_pushed(text, 6);
+        let face_mm = clothes[0].pile.as_ref().unwrap().face_mm;
+        let [before, after] = clothes.each_ref().map(|c| depth(c, &pile_ends(c)));
+        let [plain, pushed] = clothes.each_ref().map(pile_ends);
         assert!(3.0 * after < before, "{text}: {before}, {after}");
         let mut moved = 0;
-        for (a, b) in plain.0.iter().zip(&pushed.0) {
+        for (a, b) in plain.iter().zip(&pushed) {
             let ratio = b.length_mm() / a.length_mm();
             assert!((ratio - 1.0).abs() < 0.01, "{text}: {ratio}");
             for (p, q) in a.points.iter().zip(&b.points) {
@@ -229,32 +224,22 @@ fn tufts_that_collide_hardly_overlap() {
         format!("{leaning}\ntufts_per_cm2 = 120\nsplay = 0.8"),
         format!("{leaning}\nevery = [2, 2]\nlean_deg = 30\nruffle_deg = 15"),
     ] {
-        let clothes =
-            ["", "\ncollide = true"].map(|key| build(&with_pile(&format!("{text}{key}"), 12)));
+        let clothes = plain_and_pushed(&text, 12);
         let [before, after] = clothes.each_ref().map(|cloth| {
-            let room = Room {
-                size_mm: cloth.tile().bounds_mm.size().truncate().as_dvec2(),
-                faces_mm: [f64::NEG_INFINITY, f64::INFINITY],
-            };
             let lines: Vec<Line> = cloth.tufts().unwrap().lines().collect();
-            let (mean, _, count) = overlap(&lines, room);
-            mean * count as f64
+            depth(cloth, &lines)
         });
         assert!(
             before > 10.0 && 5.0 * after < before,
             "{text}: {before}, {after}"
         );
         let face_mm = clothes[0].pile.as_ref().unwrap().face_mm as f32;
-        let [plain, pushed] = clothes.map(|cloth| {
-            let mut starts = Vec::new();
-            for batch in cloth.threads.len()..cloth.batch_count() {
-                cloth.for_each_in_batch(batch, &mut |s| starts.push(s.start_mm));
-            }
-            starts
-        });
+        let [plain, pushed] =
+            clothes.map(|cloth| segments_of(&cloth, cloth.threads.len()..cloth.batch_count()));
         assert_eq!(plain.len(), pushed.len());
         let mut moved = 0;
         for (p, q) in plain.iter().zip(&pushed) {
+            let (p, q) = (p.start_mm, q.start_mm);
             assert_eq!(p.z, q.z, "{text}");
             assert!(p.z > face_mm || p == q, "{text}: {p}, {q}");
             moved += usize::from(p != q);
@@ -300,67 +285,42 @@ fn without_irregularity_all_tufts_are_alike() {
     assert!(heights.into_iter().all(|h| (h - 1.5).abs() < 1e-12));
 }
 
+/// What is added to cut pile, and why it is refused then.
+const ADDED: &str = r#"
+lean_deg = 80 | pile.lean_deg: expected a number from 0 to 70 degrees, found 80
+tufts_per_cm2 = 100 | pile.tufts_per_cm2: pile.every gives the density already
+sides = 'both' | pile.sides: belongs to pile of kind "loop"
+ruffle_mm = 2 | pile.ruffle_mm: needs pile.ruffle_deg
+colours = [[2, 0, 0]] | pile.colours[0]: expected linear RGB
+"#;
+
+/// The same for what is replaced.
+const REPLACED: &str = "
+1.5 | -1 | pile.height_mm: expected a number from 0.05 to 30 mm, found -1
+every = [2, 2] | # every | pile.every: expected [ends, picks]
+[2, 2] | [0, 2] | pile.every: expected two numbers from 1 to 1024
+rayon | raion | pile.yarn: there is no [yarn.raion]
+";
+
 #[test]
 fn wrong_pile_is_refused_with_its_key() {
-    for (text, expected) in [
-        (
-            format!("{CUT}\nlean_deg = 80"),
-            "pile.lean_deg: expected a number from 0 to 70 degrees, found 80",
-        ),
-        (
-            format!("{CUT}\ntufts_per_cm2 = 100"),
-            "pile.tufts_per_cm2: pile.every gives the density already",
-        ),
-        (
-            format!("{CUT}\nsides = 'both'"),
-            "pile.sides: belongs to pile of kind \"loop\"",
-        ),
-        (
-            format!("{WALE}\ncollide = true"),
-            "pile.collide: belongs to pile of kind \"cut\" or \"loop\"",
-        ),
-        (
-            format!("{CUT}\nruffle_mm = 2"),
-            "pile.ruffle_mm: needs pile.ruffle_deg",
-        ),
-        (
-            CUT.replace("1.5", "-1"),
-            "pile.height_mm: expected a number from 0.05 to 30 mm, found -1",
-        ),
-        (
-            CUT.replace("every = [2, 2]", ""),
-            "pile.every: expected [ends, picks]",
-        ),
-        (
-            CUT.replace("[2, 2]", "[0, 2]"),
-            "pile.every: expected two numbers from 1 to 1024",
-        ),
-        (
-            CUT.replace("rayon", "raion"),
-            "pile.yarn: there is no [yarn.raion]",
-        ),
-        (
-            WALE.replace("wales_per_cm = 5", ""),
-            "pile.wales_per_cm: pile of kind \"wale\" needs",
-        ),
-        (
-            format!("{CUT}\ncolours = [[2, 0, 0]]"),
-            "pile.colours[0]: expected linear RGB",
-        ),
-    ] {
-        let error = Cloth::build(&with_pile(&text, 2), &no_files, 1).unwrap_err();
-        assert!(error.to_string().contains(expected), "{error}");
+    let refused = |pile: &str, expected| assert_contains(&refusal(&with_pile(pile, 2)), expected);
+    for [keys, expected] in table_rows(ADDED) {
+        refused(&format!("{CUT}\n{keys}"), expected);
     }
+    for [from, to, expected] in table_rows(REPLACED) {
+        refused(&CUT.replace(from, to), expected);
+    }
+    let expected = "pile.collide: belongs to pile of kind \"cut\" or \"loop\"";
+    refused(&format!("{WALE}\ncollide = true"), expected);
+    let expected = "pile.wales_per_cm: pile of kind \"wale\" needs";
+    refused(&WALE.replace("wales_per_cm = 5", ""), expected);
     let dense = CUT.replace("every = [2, 2]", "tufts_per_cm2 = 1e5\ncollide = true");
-    let error = Cloth::build(&with_pile(&dense, 10), &no_files, 1).unwrap_err();
     let expected = "pile.collide: expected at most 65536 tufts in one tile, found";
-    assert!(error.to_string().contains(expected), "{error}");
-    let mut knit = with_pile(CUT, 1);
-    knit.draft = DraftSpec {
-        knit: Some("stockinette".to_owned()),
-        wales_per_cm: Some(5.0),
-        ..DraftSpec::default()
+    assert_contains(&refusal(&with_pile(&dense, 10)), expected);
+    let knit = FabricGeometry {
+        draft: knit("stockinette").draft,
+        ..with_pile(CUT, 1)
     };
-    let error = Cloth::build(&knit, &no_files, 1).unwrap_err();
-    assert!(error.to_string().contains("pile: needs a weave"), "{error}");
+    assert_contains(&refusal(&knit), "pile: needs a weave");
 }

@@ -8,22 +8,16 @@ const BLUE: Rgb = Rgb::new(0.05, 0.1, 0.4);
 const GREY: Rgb = Rgb::new(0.3, 0.3, 0.3);
 
 fn spec(per_cm2: f64, size_mm: [f64; 2]) -> WearSpec {
-    WearSpec {
-        amount: None,
-        depth_um: None,
-        colour: GREY,
-        side: PrintSide::Face,
-        pills: Some(PillSpec { per_cm2, size_mm }),
-    }
+    let colour = "colour = [0.3, 0.3, 0.3]";
+    let pills = format!("per_cm2 = {per_cm2}, size_mm = {size_mm:?}");
+    parsed(&format!("{colour}\npills = {{ {pills} }}"))
 }
 
 fn plain(repeats: u32) -> FabricGeometry {
     let mut fabric = fabric("plain");
     fabric.warp.colours = vec![BLUE];
     fabric.weft.colours = vec![GREY];
-    fabric.tile = TileSpec {
-        repeats: [repeats, repeats],
-    };
+    fabric.tile.repeats = [repeats, repeats];
     fabric
 }
 
@@ -63,10 +57,10 @@ fn pills_are_a_poisson_process() {
     );
     let square: f64 = all.iter().map(|c| (c - mean).powi(2)).sum();
     let spread = 4.0 * (2.0f64 / 59.0).sqrt();
+    let variance = square / 59.0;
     assert!(
-        (square / 59.0 / expected - 1.0).abs() < spread,
-        "seeds 0 to 59: {} for {expected}",
-        square / 59.0
+        (variance / expected - 1.0).abs() < spread,
+        "seeds 0 to 59: {variance} for {expected}"
     );
     // The twin: twice as many.
     assert!((mean_of(&counts(24.0)) - expected).abs() > error);
@@ -106,8 +100,7 @@ fn pills_are_balls_of_the_fibres_of_their_yarns() {
                 volume += std::f64::consts::PI * piece;
             }
             all_mm += length_mm;
-            let colour = cloth.materials()[usize::from(s.material)].colour;
-            blue += length_mm * f64::from(u8::from(colour == Some(BLUE)));
+            blue += length_mm * f64::from(u8::from(colour(&cloth, s) == Some(BLUE)));
         });
         let wanted = std::f64::consts::PI * pill.clump.fibre_mm(1.0);
         assert!(
@@ -121,14 +114,7 @@ fn pills_are_balls_of_the_fibres_of_their_yarns() {
     let share = blue / all_mm;
     assert!((0.3..0.7).contains(&share), "seed {SEED}: {share}");
     // The yarns are as they were.
-    for batch in 0..threads {
-        let list = |cloth: &Cloth| {
-            let mut all = Vec::new();
-            cloth.for_each_in_batch(batch, &mut |s| all.push(*s));
-            all
-        };
-        assert_eq!(list(&without), list(&cloth));
-    }
+    assert_eq!(segments(&without), segments_of(&cloth, 0..threads));
     assert_eq!(cloth.plies().unfit(), Some("pills"));
 }
 
@@ -139,16 +125,14 @@ fn pills_of_a_nonwoven_are_of_the_parts_of_its_blend() {
                 length_mm = 20\ntile_mm = [3.0, 3.0]\n[yarn.felt]\npreset = 'wool'\ntex = 60\nblend \
                 = [\n{ mass_share = 70, fibre = 'wool' },\n{ mass_share = 30, fibre = 'nylon', \
                 fibre_radius_um = 7.5 },\n]\n";
-    let mut cloth = build(&toml::from_str(text).unwrap());
+    let mut cloth = build(&parsed(text));
     cloth.wear(&spec(20.0, [0.5, 0.1])).unwrap();
     assert!(!cloth.pills.is_empty());
     let mut counts = [0; 2];
-    for batch in cloth.whole_batches()..cloth.batch_count() {
-        cloth.for_each_in_batch(batch, &mut |s| {
-            let material = &cloth.materials()[usize::from(s.material)];
-            assert_eq!(s.start_radius_mm, material.fibre_radius_mm);
-            counts[usize::from(material.fibre.as_deref() == Some("nylon"))] += 1;
-        });
+    for s in segments_of(&cloth, cloth.whole_batches()..cloth.batch_count()) {
+        let material = &cloth.materials()[usize::from(s.material)];
+        assert_eq!(s.start_radius_mm, material.fibre_radius_mm);
+        counts[usize::from(material.fibre.as_deref() == Some("nylon"))] += 1;
     }
     assert!(counts.iter().all(|n| *n > 100), "{counts:?}");
 }
@@ -160,66 +144,46 @@ fn pills_lie_on_the_side_that_is_worn() {
         (PrintSide::Back, false, true),
         (PrintSide::Both, true, true),
     ] {
-        let cloth = worn(
-            8,
-            &WearSpec {
-                side,
-                ..spec(20.0, [0.5, 0.1])
-            },
-            1,
-        );
+        let pills = spec(20.0, [0.5, 0.1]);
+        let cloth = worn(8, &WearSpec { side, ..pills }, 1);
         let heights: Vec<f64> = cloth.pills.iter().map(|p| p.clump.middle_mm.z).collect();
         assert_eq!(heights.iter().any(|z| *z > 0.0), has_face);
         assert_eq!(heights.iter().any(|z| *z < 0.0), has_back);
         let bounds = cloth.tile().bounds_mm;
-        for batch in cloth.threads.len()..cloth.batch_count() {
-            cloth.for_each_in_batch(batch, &mut |s| {
-                assert!(s.start_mm.z > bounds.min.z && s.start_mm.z < bounds.max.z);
-            });
+        for s in segments_of(&cloth, cloth.threads.len()..cloth.batch_count()) {
+            assert!(s.start_mm.z > bounds.min.z && s.start_mm.z < bounds.max.z);
         }
     }
 }
 
 #[test]
 fn pills_that_cannot_be_are_refused() {
-    let refused = |repeats: u32, spec: WearSpec| {
+    let refused = |repeats: u32, spec: WearSpec, expected: &str| {
         let mut cloth = build(&plain(repeats));
-        cloth.wear(&spec).unwrap_err().to_string()
+        assert_contains(&cloth.wear(&spec).unwrap_err().to_string(), expected);
     };
-    let dense = refused(8, spec(100.0, [1.0, 0.1]));
-    assert!(
-        dense.contains("wear.pills: 100 per cm2 of 1 mm would cover 79 %"),
-        "{dense}"
-    );
-    let large = refused(1, spec(1.0, [3.0, 0.1]));
-    assert!(
-        large.contains("expected a tile as wide as a pill"),
-        "{large}"
-    );
-    let many = refused(8, spec(-1.0, [1.0, 0.1]));
-    assert!(
-        many.contains("wear.pills.per_cm2: expected a number"),
-        "{many}"
-    );
-    let uneven = refused(8, spec(1.0, [1.0, 0.6]));
-    assert!(
-        uneven.contains("wear.pills.size_mm[1]: expected a number from 0 to 0.5, found 0.6"),
-        "{uneven}"
-    );
-    let none = refused(
-        1,
-        WearSpec {
-            pills: None,
-            ..spec(1.0, [1.0, 0.1])
-        },
-    );
-    assert!(none.contains("wear.amount: is missing"), "{none}");
-    let half = refused(
-        1,
-        WearSpec {
-            amount: Some(0.5),
-            ..spec(1.0, [1.0, 0.1])
-        },
-    );
-    assert!(half.contains("wear.depth_um: is missing"), "{half}");
+    for (repeats, per_cm2, size_mm, expected) in [
+        (
+            8,
+            100.0,
+            [1.0, 0.1],
+            "wear.pills: 100 per cm2 of 1 mm would cover 79 %",
+        ),
+        (1, 1.0, [3.0, 0.1], "expected a tile as wide as a pill"),
+        (8, -1.0, [1.0, 0.1], "wear.pills.per_cm2: expected a number"),
+        (
+            8,
+            1.0,
+            [1.0, 0.6],
+            "wear.pills.size_mm[1]: expected a number from 0 to 0.5, found 0.6",
+        ),
+    ] {
+        refused(repeats, spec(per_cm2, size_mm), expected);
+    }
+    let mut none = spec(1.0, [1.0, 0.1]);
+    none.pills = None;
+    refused(1, none, "wear.amount: is missing");
+    let mut half = spec(1.0, [1.0, 0.1]);
+    half.amount = Some(0.5);
+    refused(1, half, "wear.depth_um: is missing");
 }

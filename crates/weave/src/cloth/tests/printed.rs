@@ -15,21 +15,26 @@ fn image() -> PrintImage {
 }
 
 fn spec() -> PrintSpec {
-    PrintSpec {
-        image: Some("any.png".into()),
-        colour: None,
-        size_mm: None,
-        side: PrintSide::Face,
-        depth_um: None,
-        mode: PrintMode::Replace,
-        undyed: None,
-        colours: 8,
+    parsed("image = 'any.png'\nmode = 'replace'\ncolours = 8")
+}
+
+/// The print of that image with other keys.
+fn with(change: impl FnOnce(&mut PrintSpec)) -> PrintSpec {
+    let mut spec = spec();
+    change(&mut spec);
+    spec
+}
+
+fn pixel(colour: Rgb) -> PrintImage {
+    PrintImage {
+        size: [1, 1],
+        pixels: vec![colour],
     }
 }
 
 fn plain() -> Cloth {
     let mut fabric = fabric("plain");
-    fabric.tile = TileSpec { repeats: [4, 4] };
+    fabric.tile.repeats = [4, 4];
     build(&fabric)
 }
 
@@ -44,25 +49,23 @@ fn lengths(cloth: &Cloth) -> [[f32; 2]; 3] {
     let tile = cloth.tile();
     let middle = tile.bounds_mm.centre().z;
     let mut sums = [[0.0; 2]; 3];
-    for batch in 0..cloth.batch_count() {
-        cloth.for_each_in_batch(batch, &mut |s| {
-            let colour = cloth.materials()[usize::from(s.material)].colour;
-            let is = |c: Rgb| colour.is_some_and(|own| (own.0 - c.0).abs().max_element() < 0.01);
-            let at = 0.5 * (s.start_mm + s.end_mm);
-            let kind = [is(RED), is(BLUE)].iter().position(|k| *k).unwrap_or(2);
-            sums[kind][usize::from(at.z > middle)] += s.length_mm();
-            if kind < 2 {
-                // Where the image has it: below, red on the left.
-                let period = tile.period_mm();
-                let place = (at.truncate() - tile.bounds_mm.min.truncate()) / period;
-                let share = place - place.floor();
-                assert!(share.y < 0.51, "{share}");
-                assert!(
-                    (share.x < 0.51) == is(RED) || (share.x - 0.5).abs() < 0.01,
-                    "{share}"
-                );
-            }
-        });
+    for s in segments(cloth) {
+        let colour = colour(cloth, &s);
+        let is = |c: Rgb| colour.is_some_and(|own| (own.0 - c.0).abs().max_element() < 0.01);
+        let at = 0.5 * (s.start_mm + s.end_mm);
+        let kind = [is(RED), is(BLUE)].iter().position(|k| *k).unwrap_or(2);
+        sums[kind][usize::from(at.z > middle)] += s.length_mm();
+        if kind < 2 {
+            // Where the image has it: below, red on the left.
+            let period = tile.period_mm();
+            let place = (at.truncate() - tile.bounds_mm.min.truncate()) / period;
+            let share = place - place.floor();
+            assert!(share.y < 0.51, "{share}");
+            assert!(
+                (share.x < 0.51) == is(RED) || (share.x - 0.5).abs() < 0.01,
+                "{share}"
+            );
+        }
     }
     sums
 }
@@ -75,20 +78,13 @@ fn the_face_has_the_colours_of_the_image() {
     assert!(red[0] < 0.5 * red[1], "ink stays near the face: {red:?}");
     assert!(other[0] > other[1], "{other:?}");
     // All of it, to any depth, and as much fibre as before.
-    let deep = PrintSpec {
-        depth_um: Some(1e5),
-        ..spec()
-    };
-    let all = lengths(&printed(&deep));
+    let all = lengths(&printed(&with(|deep| deep.depth_um = Some(1e5))));
     let sum = |sums: &[[f32; 2]; 3]| sums.iter().flatten().sum::<f32>();
     assert!((all[0][0] / all[0][1] - 1.0).abs() < 0.2, "{all:?}");
     let before = sum(&lengths(&plain()));
     assert!((sum(&all) / before - 1.0).abs() < 1e-3, "{all:?} {before}");
     // The back instead.
-    let back = PrintSpec {
-        side: PrintSide::Back,
-        ..spec()
-    };
+    let back = with(|back| back.side = PrintSide::Back);
     let [red, ..] = lengths(&printed(&back));
     assert!(red[1] < 0.5 * red[0], "{red:?}");
 }
@@ -107,21 +103,12 @@ fn discharge_fades_the_ground_where_the_image_is_bright() {
             undyed: (mode == PrintMode::Discharge).then_some(undyed),
             ..spec()
         };
-        let image = PrintImage {
-            size: [1, 1],
-            pixels: vec![Rgb::new(grey, grey, grey)],
-        };
-        cloth.print(&spec, &image).unwrap();
-        let mut colours = Vec::new();
-        for batch in 0..cloth.batch_count() {
-            cloth.for_each_in_batch(batch, &mut |s| {
-                let at_z = 0.5 * (s.start_mm.z + s.end_mm.z);
-                colours.push((at_z, cloth.materials()[usize::from(s.material)].colour));
-            });
-        }
-        let least = |a: &&(f32, Option<Rgb>), b: &&(f32, Option<Rgb>)| a.0.total_cmp(&b.0);
-        let [low, high] = [colours.iter().min_by(least), colours.iter().max_by(least)];
-        [low, high].map(|found| found.unwrap().1.unwrap())
+        cloth.print(&spec, &pixel(Rgb::splat(grey))).unwrap();
+        let all = segments(&cloth);
+        let at_z = |s: &Segment| 0.5 * (s.start_mm.z + s.end_mm.z);
+        let least = |a: &&Segment, b: &&Segment| at_z(a).total_cmp(&at_z(b));
+        let [low, high] = [all.iter().min_by(least), all.iter().max_by(least)];
+        [low, high].map(|found| colour(&cloth, found.unwrap()).unwrap())
     };
     let near = |a: Rgb, b: Rgb| (a.0 - b.0).abs().max_element() < 0.01;
     for (grey, left) in [(1.0, 0.0), (0.25, 0.75), (0.0, 1.0)] {
@@ -137,29 +124,17 @@ fn discharge_fades_the_ground_where_the_image_is_bright() {
         discharge(0.25, PrintMode::Multiply)[1],
         Rgb(undyed.0.lerp(BLUE.0, 0.75))
     ));
-    let misplaced = PrintSpec {
-        undyed: Some(undyed),
-        ..spec()
-    };
+    let misplaced = with(|spec| spec.undyed = Some(undyed));
     let error = plain().print(&misplaced, &image()).unwrap_err().to_string();
     assert!(error.starts_with("print.undyed: "), "{error}");
 }
 
 #[test]
 fn dye_multiplies_and_cloth_without_print_is_the_same() {
-    let multiply = PrintSpec {
-        mode: PrintMode::Multiply,
-        ..spec()
-    };
-    let cloth = printed(&multiply);
+    let cloth = printed(&with(|spec| spec.mode = PrintMode::Multiply));
     let colours: Vec<Rgb> = cloth.materials().iter().filter_map(|m| m.colour).collect();
-    let darkened = RED * 0.8;
-    let has = |goal: Rgb| {
-        colours
-            .iter()
-            .any(|c| (c.0 - goal.0).abs().max_element() < 0.01)
-    };
-    assert!(has(darkened), "{colours:?}");
+    let is_darkened = |c: &Rgb| (c.0 - 0.8 * RED.0).abs().max_element() < 0.01;
+    assert!(colours.iter().any(is_darkened), "{colours:?}");
     // Ink that reaches nothing leaves every segment as it was.
     let mut sheer = plain();
     let nowhere = PrintSpec {
@@ -168,12 +143,7 @@ fn dye_multiplies_and_cloth_without_print_is_the_same() {
         ..spec()
     };
     sheer.print(&nowhere, &image()).unwrap();
-    let segments = |cloth: &Cloth| {
-        let mut all = Vec::new();
-        cloth.for_each_in_batch(0, &mut |s| all.push((s.start_mm, s.end_mm)));
-        all
-    };
-    assert!(segments(&sheer).len() >= segments(&plain()).len());
+    assert!(segments_of(&sheer, [0]).len() >= segments_of(&plain(), [0]).len());
 }
 
 /// Dye of the whole piece reaches down to its depth from both faces; the core, and threads where
@@ -189,26 +159,20 @@ fn piece_dye_does_not_reach_the_core() {
             ..spec()
         };
         let mut cloth = plain();
-        let pixel = PrintImage {
-            size: [1, 1],
-            pixels: vec![RED],
-        };
-        cloth.print(&spec, &pixel).unwrap();
+        cloth.print(&spec, &pixel(RED)).unwrap();
         cloth
     };
     // Length of fibre that is dyed and all of it, in three layers of the same height.
     let layers = |cloth: &Cloth| {
         let bounds = cloth.tile().bounds_mm;
         let mut sums = [[0.0f32; 2]; 3];
-        for batch in 0..cloth.batch_count() {
-            cloth.for_each_in_batch(batch, &mut |s| {
-                let z = 0.5 * (s.start_mm.z + s.end_mm.z);
-                let layer = (3.0 * (z - bounds.min.z) / bounds.size().z) as usize;
-                let sums = &mut sums[layer.min(2)];
-                let is_dyed = cloth.materials()[usize::from(s.material)].colour == Some(RED);
-                sums[0] += if is_dyed { s.length_mm() } else { 0.0 };
-                sums[1] += s.length_mm();
-            });
+        for s in segments(cloth) {
+            let z = 0.5 * (s.start_mm.z + s.end_mm.z);
+            let layer = (3.0 * (z - bounds.min.z) / bounds.size().z) as usize;
+            let sums = &mut sums[layer.min(2)];
+            let is_dyed = colour(cloth, &s) == Some(RED);
+            sums[0] += if is_dyed { s.length_mm() } else { 0.0 };
+            sums[1] += s.length_mm();
         }
         sums.map(|[dyed, all]| dyed / all)
     };
@@ -217,84 +181,55 @@ fn piece_dye_does_not_reach_the_core() {
     assert!(core < 0.8 * low.min(high), "{low} {core} {high}");
     // The twin: deeper dye leaves nothing.
     assert!(layers(&dyed(1e5)).iter().all(|share| *share > 0.99));
-    let refused = |spec: PrintSpec| {
-        let pixel = PrintImage {
-            size: [1, 1],
-            pixels: vec![RED],
+    let refused = |colour, size_mm| {
+        let spec = PrintSpec {
+            image: None,
+            colour: Some(colour),
+            size_mm,
+            ..spec()
         };
-        plain().print(&spec, &pixel).unwrap_err().to_string()
+        let refused = plain().print(&spec, &pixel(RED));
+        refused.unwrap_err().to_string()
     };
-    let one = PrintSpec {
-        image: None,
-        colour: Some(Rgb::new(0.0, 1.5, 0.0)),
-        ..spec()
-    };
-    let said = refused(one.clone());
-    assert_eq!(
-        said,
-        "print.colour: expected numbers from 0 to 1, found 1.5"
-    );
-    let said = refused(PrintSpec {
-        colour: Some(RED),
-        size_mm: Some([1.0, 1.0]),
-        ..one
-    });
+    let said = refused(Rgb::new(0.0, 1.5, 0.0), None);
+    let expected = "print.colour: expected numbers from 0 to 1, found 1.5";
+    assert_eq!(said, expected);
+    let said = refused(RED, Some([1.0, 1.0]));
     assert_eq!(said, "print.size_mm: only applies to an image");
 }
 
 #[test]
 fn images_must_fit_the_tile() {
     let period = plain().tile().period_mm();
-    let sized = |width: f32, height: f32| PrintSpec {
-        size_mm: Some([width, height].map(f64::from)),
-        ..spec()
-    };
+    let sized =
+        |width: f32, height: f32| with(|spec| spec.size_mm = Some([width, height].map(f64::from)));
     let tried = |spec: &PrintSpec, image: &PrintImage| plain().print(spec, image);
     // Twice across, three times up, stretched by less than a hundredth.
     let fits = sized(period.x / 2.0 * 1.005, period.y / 3.0);
     tried(&fits, &image()).unwrap();
-    for (spec, image, words) in [
-        (
-            sized(period.x / 2.5, period.y),
-            image(),
-            "print.size_mm: expected a width",
-        ),
-        (
-            sized(period.x, f32::NAN),
-            image(),
-            "print.size_mm: expected a height",
-        ),
-        (
-            sized(period.x, 0.0),
-            image(),
-            "print.size_mm: expected a height",
-        ),
-        (
-            PrintSpec {
-                colours: 1,
-                ..spec()
-            },
-            image(),
-            "print.colours: expected 2 to 256, found 1",
-        ),
-        (
-            PrintSpec {
-                depth_um: Some(-1.0),
-                ..spec()
-            },
-            image(),
-            "print.depth_um: expected a number from 0 to 1e6, found -1",
-        ),
-        (
-            spec(),
-            PrintImage {
-                size: [0, 3],
-                pixels: Vec::new(),
-            },
-            "print.image: expected 1 to 8192 pixels along an edge, found 0 x 3",
-        ),
-    ] {
+    let refused = |spec: PrintSpec, image: PrintImage, words: &str| {
         let said = tried(&spec, &image).unwrap_err().to_string();
         assert!(said.starts_with(words), "{said}");
+    };
+    for (spec, words) in [
+        (sized(period.x / 2.5, period.y), "size_mm: expected a width"),
+        (sized(period.x, f32::NAN), "size_mm: expected a height"),
+        (sized(period.x, 0.0), "size_mm: expected a height"),
+        (
+            with(|s| s.colours = 1),
+            "colours: expected 2 to 256, found 1",
+        ),
+        (
+            with(|s| s.depth_um = Some(-1.0)),
+            "depth_um: expected a number from 0 to 1e6, found -1",
+        ),
+    ] {
+        refused(spec, image(), &format!("print.{words}"));
     }
+    let flat = PrintImage {
+        size: [0, 3],
+        pixels: Vec::new(),
+    };
+    let words = "print.image: expected 1 to 8192 pixels along an edge, found 0 x 3";
+    refused(spec(), flat, words);
 }

@@ -2,6 +2,17 @@
 
 use super::*;
 
+/// What is replaced in a fabric, and why it is refused then.
+const WRONG: &str = r#"
+yarn = "a" | yarn = "b" | weft.yarn: there is no [yarn.b]
+per_cm = 12 | per_cm = -1 | warp.per_cm: expected 0.01 to 10000 threads per cm, found -1
+per_cm = 12 | # per_cm | warp: thread 1 has no spacing
+drawdown = ["X.", ".X"] | wif = "x.wif" | draft.wif: x.wif:
+drawdown = ["X.", ".X"] | knit = "garter" | draft.wales_per_cm
+[1, 1] | [0, 1] | tile.repeats
+[1, 1] | [1, 4000000000] | tile.repeats
+"#;
+
 #[test]
 fn a_fabric_reads_from_toml_and_wrong_keys_are_named() {
     let text = r#"
@@ -17,63 +28,23 @@ fn a_fabric_reads_from_toml_and_wrong_keys_are_named() {
         [yarn.a]
         preset = "cotton"
         twist = { direction = "S", angle_deg = 15 }
+        [tile]
+        repeats = [1, 1]
     "#;
-    let f: FabricGeometry = toml::from_str(text).unwrap();
-    let cloth = build(&f);
+    let cloth = build(&parsed(text));
     assert_eq!(cloth.materials().len(), 3);
     assert_eq!(cloth.materials()[0].colour, Some(Rgb::new(0.1, 0.2, 0.3)));
     let error = toml::from_str::<FabricGeometry>(&text.replace("per_cm", "per_inch")).unwrap_err();
-    assert!(
-        error.to_string().contains("unknown field `per_inch`"),
-        "{error}"
-    );
-    for (from, to, expected) in [
-        (
-            "yarn = \"a\"",
-            "yarn = \"b\"",
-            "weft.yarn: there is no [yarn.b]",
-        ),
-        (
-            "per_cm = 12",
-            "per_cm = -1",
-            "warp.per_cm: expected 0.01 to 10000 threads per cm, found -1",
-        ),
-        (
-            "per_cm = 12",
-            "per_cm = 12\nspacing_mm = 1",
-            "warp: expected per_cm or spacing_mm",
-        ),
-        ("per_cm = 12", "", "warp: thread 1 has no spacing"),
-        (
-            "drawdown =",
-            "weave = \"plain\"\ndrawdown =",
-            "draft: expected exactly one",
-        ),
-        (
-            "drawdown = [\"X.\", \".X\"]",
-            "wif = \"x.wif\"",
-            "draft.wif: x.wif: ",
-        ),
-        (
-            "drawdown = [\"X.\", \".X\"]",
-            "knit = \"garter\"",
-            "draft.wales_per_cm",
-        ),
-        (
-            "[yarn.a]",
-            "[tile]\nrepeats = [0, 1]\n[yarn.a]",
-            "tile.repeats",
-        ),
-        (
-            "[yarn.a]",
-            "[tile]\nrepeats = [1, 4000000000]\n[yarn.a]",
-            "tile.repeats",
-        ),
-    ] {
-        let f: FabricGeometry = toml::from_str(&text.replacen(from, to, 1)).unwrap();
-        let error = Cloth::build(&f, &no_files, 1).unwrap_err().to_string();
+    assert_contains(&error.to_string(), "unknown field `per_inch`");
+    let refused = |from, to, expected: &str| {
+        let error = refusal(&parsed(&text.replacen(from, to, 1)));
         assert!(error.starts_with(expected), "{expected}: {error}");
-    }
+    };
+    table_rows(WRONG).for_each(|[from, to, expected]| refused(from, to, expected));
+    let expected = "warp: expected per_cm or spacing_mm";
+    refused("per_cm = 12", "per_cm = 12\nspacing_mm = 1", expected);
+    let expected = "draft: expected exactly one";
+    refused("drawdown", "weave = \"plain\"\ndrawdown", expected);
 }
 
 /// Drafts in many dialects and a damask all become cloth that closes. The damask has 96
@@ -85,10 +56,7 @@ fn drafts_of_every_dialect_become_cloth() {
     for (name, bytes) in drafts.chain([("damask", large.as_bytes())]) {
         let draft = Draft::from_wif(bytes).unwrap();
         let mut f = fabric("plain");
-        f.draft = DraftSpec {
-            wif: Some(name.to_owned()),
-            ..DraftSpec::default()
-        };
+        f.draft = parsed(&format!("wif = '{name}'"));
         let cloth =
             Cloth::build(&f, &|_| Ok(bytes.to_vec()), 1).unwrap_or_else(|e| panic!("{name}: {e}"));
         let tiled = cloth.draft().unwrap();
@@ -107,17 +75,10 @@ fn drafts_of_every_dialect_become_cloth() {
 #[test]
 fn a_yarn_with_too_many_fibres_to_push_apart_is_warned_of() {
     let warnings = |plies: u32, fibres: u32| {
-        let mut fabric = fabric("plain");
-        let tow = YarnSpec {
-            plies: Some(plies),
-            fibres_per_ply: Some(fibres),
-            ..YarnSpec::default()
-        };
-        fabric.yarn.insert("cotton".to_owned(), tow);
+        let tow = format!("plies = {plies}\nfibres_per_ply = {fibres}");
+        let mut fabric = fabric_of("plain", &tow);
         // Yarns of a few hundred thousand fibres are a centimetre thick.
-        for system in [&mut fabric.warp, &mut fabric.weft] {
-            system.per_cm = Some(0.2);
-        }
+        (fabric.warp.per_cm, fabric.weft.per_cm) = (Some(0.2), Some(0.2));
         build(&fabric).warnings
     };
     let warns = |plies, fibres| {

@@ -1,25 +1,20 @@
 //! Protruding fibres that are followed in short steps.
 
-use super::irregular::{all_kinds, irregular};
+use super::irregular::{ALL_KINDS, irregular};
 use super::*;
 
 /// Smooth hairs of a fine yarn turn gently from segment to segment; the twin, which follows the
 /// curl alone, has kinks. Both have the length that was asked for.
 #[test]
 fn smooth_hairs_of_fine_yarns_have_no_kinks() {
-    let turns = |smooth| {
-        let mut spec = YarnSpec {
-            tex: Some(5.0),
-            ..all_kinds()
-        };
-        let hairiness = spec.hairiness.as_mut().unwrap();
-        (hairiness.smooth, hairiness.curl_mm) = (smooth, 1.0);
-        let cloth = build(&irregular(4, spec));
+    let turns = |smooth: bool| {
+        let hairs = format!("curl_mm = 1, smooth = {smooth}");
+        let keys = ALL_KINDS.replace("curl_mm = 0.4", &hairs);
+        let cloth = build(&irregular(4, &format!("tex = 5\n{keys}")));
         let (mut turns, mut length_mm) = (Vec::new(), 0.0);
-        for batch in 0..cloth.batch_count() {
-            let path = cloth.path(&cloth.threads[batch], CurveLevel::Fibre);
+        for_each_strand(&cloth, |_, strand| {
             let mut last: Option<(u32, DVec3)> = None;
-            cloth.strand(batch, &path).emit_hairs(0, &mut |s| {
+            strand.emit_hairs(0, &mut |s| {
                 let along = (s.end_mm - s.start_mm).as_dvec3().normalize();
                 length_mm += f64::from(s.length_mm());
                 if let Some((fibre, before)) = last
@@ -29,7 +24,7 @@ fn smooth_hairs_of_fine_yarns_have_no_kinks() {
                 }
                 last = Some((s.fibre, along));
             });
-        }
+        });
         turns.sort_by(f64::total_cmp);
         (turns[turns.len() * 99 / 100], length_mm)
     };

@@ -6,12 +6,11 @@ use crate::spinning::{FINISHES, NAMES};
 use crate::yarn::Yarn;
 
 fn spun(way: &str, tex: f64, finish: &[&str]) -> YarnSpec {
-    YarnSpec {
-        tex: Some(tex),
-        irregularity: Some(way.to_owned()),
-        finish: finish.iter().map(|f| (*f).to_owned()).collect(),
-        ..YarnSpec::default()
-    }
+    let finish = match finish {
+        [] => String::new(),
+        _ => format!("finish = {finish:?}"),
+    };
+    parsed(&format!("tex = {tex}\nirregularity = '{way}'\n{finish}"))
 }
 
 /// A loose plain weave of a yarn.
@@ -20,9 +19,7 @@ fn woven(yarn: YarnSpec, repeats: u32) -> Cloth {
     let per_cm = 60.0 / yarn.tex.unwrap().sqrt();
     (f.warp.per_cm, f.weft.per_cm) = (Some(per_cm), Some(per_cm));
     f.yarn.insert("cotton".to_owned(), yarn);
-    f.tile = TileSpec {
-        repeats: [repeats; 2],
-    };
+    f.tile.repeats = [repeats; 2];
     build(&f)
 }
 
@@ -30,7 +27,10 @@ fn woven(yarn: YarnSpec, repeats: u32) -> Cloth {
 /// is spun; [`super::irregular`] holds how it is measured to a search over the whole yarn.
 #[test]
 fn hairiness_is_that_of_the_preset_over_the_counts() {
-    for (way, at_20_tex) in [("ring-spun cotton", 5.5), ("open-end cotton", 4.2)] {
+    for (way, at_20_tex, range) in [
+        ("ring-spun cotton", 5.5, 3.0..11.5),
+        ("open-end cotton", 4.2, 2.5..9.0),
+    ] {
         for tex in [10.0, 20.0, 40.0, 80.0] {
             let yarn = spun(way, tex, &[]);
             let expected = at_20_tex * (tex / 20.0).sqrt();
@@ -48,11 +48,6 @@ fn hairiness_is_that_of_the_preset_over_the_counts() {
             assert!((index / expected - 1.0).abs() < error, "{index} {expected}");
             // The twin: the index of half the count.
             assert!((index * 2f64.sqrt() / expected - 1.0).abs() > error);
-            let range = if way.starts_with("ring") {
-                3.0..11.5
-            } else {
-                2.5..9.0
-            };
             assert!(range.contains(&index), "{way} {tex}: {index}");
         }
     }
@@ -88,62 +83,40 @@ fn every_name_makes_a_cloth_and_own_keys_win() {
             assert!(yarn.evenness.is_some(), "{way} {finish}");
         }
     }
-    let own = HairinessSpec {
-        index: 1.5,
-        length_mm: 0.5,
-        reach_mm: 0.2,
-        curl_mm: 1.0,
-        returning: 0.0,
-        lean: [0.0; 2],
-        smooth: false,
-    };
+    let own: HairinessSpec = parsed("index = 1.5\nlength_mm = 0.5\nreach_mm = 0.2");
+    let finish = ["raised", "calendered", "mercerised"];
     let spec = YarnSpec {
         hairiness: Some(own),
         fibre_radius_cv_percent: Some(7.0),
         aspect: Some(1.1),
-        ..spun(
-            "ring-spun cotton",
-            30.0,
-            &["raised", "calendered", "mercerised"],
-        )
+        ..spun("ring-spun cotton", 30.0, &finish)
     };
     let yarn = Yarn::new("cotton", &spec).unwrap();
     assert_eq!(yarn.hairiness, Some(own));
     assert_eq!((yarn.fibre_radius_cv, yarn.aspect), (0.07, 1.1));
     let hairs = YarnSpec {
-        hairs: Some(crate::spec::HairSpec::default()),
+        hairs: Some(Default::default()),
         ..spun("ring-spun cotton", 30.0, &["brushed"])
     };
     assert!(Yarn::new("cotton", &hairs).unwrap().hairiness.is_none());
-    for (key, spec) in [
-        ("irregularity", spun("ringspun coton", 30.0, &[])),
-        ("finish", spun("flax", 30.0, &["mercerized"])),
+    for (key, near, spec) in [
+        (
+            "irregularity",
+            "ring-spun cotton",
+            spun("ringspun coton", 30.0, &[]),
+        ),
+        ("finish", "mercerised", spun("flax", 30.0, &["mercerized"])),
     ] {
         let error = Yarn::new("x", &spec).unwrap_err().to_string();
-        assert!(
-            error.starts_with(&format!("yarn.x.{key}: no {key}")),
-            "{error}"
-        );
-        let near = [
-            "did you mean \"ring-spun cotton\"",
-            "did you mean \"mercerised\"",
-        ];
-        assert!(near.iter().any(|n| error.contains(n)), "{error}");
+        let words = format!("yarn.x.{key}: no {key}");
+        assert!(error.starts_with(&words), "{error}");
+        assert_contains(&error, &format!("did you mean \"{near}\""));
     }
-    let mut f = fabric("plain");
-    f.yarn.insert(
-        "cotton".to_owned(),
-        spun("woollen", 30.0, &["raised", "calendered"]),
-    );
-    f.yarn.get_mut("cotton").unwrap().tex = None;
+    let woollen = "irregularity = 'woollen'\nfinish = ['raised', 'calendered']";
+    let mut f = fabric_of("plain", woollen);
     f.ideal = true;
-    let [ideal, even] = [f, fabric("plain")].map(|f| build(&f));
-    let all = |cloth: &Cloth| {
-        let mut all = Vec::new();
-        cloth.for_each_in_batch(0, &mut |s| all.push(*s));
-        all
-    };
-    assert_eq!(all(&ideal), all(&even));
+    let [ideal, even] = [f, fabric("plain")].map(|f| segments_of(&build(&f), [0]));
+    assert_eq!(ideal, even);
 }
 
 /// Length of protruding fibre per length of yarn, its mean height outside the yarn, and the mean
@@ -151,19 +124,16 @@ fn every_name_makes_a_cloth_and_own_keys_win() {
 fn fuzz(finish: &[&str]) -> [f64; 3] {
     let cloth = woven(spun("ring-spun cotton", 30.0, finish), 6);
     let (mut length, mut height, mut along) = (0.0, 0.0, 0.0);
-    let (mut yarn_mm, mut steps) = (0.0, 0.0);
-    for batch in 0..cloth.batch_count() {
-        let path = cloth.path(&cloth.threads[batch], CurveLevel::Fibre);
-        let strand = cloth.strand(batch, &path);
-        yarn_mm += path.length_mm();
+    let mut yarn_mm = 0.0;
+    for_each_strand(&cloth, |_, strand| {
+        yarn_mm += strand.path.length_mm();
         strand.emit_hairs(0, &mut |s| {
             length += f64::from(s.length_mm());
             height += f64::from(s.length_mm() * s.start_mm.z.abs());
             along += f64::from(s.end_mm.y - s.start_mm.y);
-            steps += f64::from(s.length_mm());
         });
-    }
-    [length / yarn_mm, height / length, along / steps]
+    });
+    [length / yarn_mm, height / length, along / length]
 }
 
 #[test]

@@ -2,32 +2,21 @@
 
 use super::irregular::irregular;
 use super::*;
-use crate::spec::{BlendSpec, BlendTuftSpec};
 use std::collections::BTreeMap;
 
-const RED: Rgb = Rgb::new(0.5, 0.1, 0.1);
 const SEED: u64 = 7;
 
 /// A blend of which a quarter is red.
-fn blended(tufts: Option<BlendTuftSpec>) -> Cloth {
-    let part = |share: f64, colour: Option<Rgb>| BlendSpec {
-        share: Some(share),
-        colour,
-        ..BlendSpec::default()
-    };
-    let yarn = YarnSpec {
-        blend: vec![part(3.0, None), part(1.0, Some(RED))],
-        blend_tufts: tufts,
-        ..YarnSpec::default()
-    };
-    let mut fabric = irregular(6, yarn);
+fn blended(tufts: &str) -> Cloth {
+    let parts = "{ share = 3 }, { share = 1, colour = [0.5, 0.1, 0.1] }";
+    let mut fabric = irregular(6, &format!("blend = [{parts}]\n{tufts}"));
     fabric.warp.colours = vec![Rgb::new(0.1, 0.1, 0.5)];
     fabric.weft.colours = vec![Rgb::new(0.1, 0.1, 0.5)];
     Cloth::build(&fabric, &no_files, SEED).unwrap()
 }
 
-fn tufts(fibres: f64, length_mm: f64) -> Option<BlendTuftSpec> {
-    Some(BlendTuftSpec { fibres, length_mm })
+fn tufts(fibres: f64, length_mm: f64) -> String {
+    format!("blend_tufts = {{ fibres = {fibres}, length_mm = {length_mm} }}")
 }
 
 /// The share of length that is red, the mean length of a red stretch of a fibre, and how often the
@@ -35,36 +24,27 @@ fn tufts(fibres: f64, length_mm: f64) -> Option<BlendTuftSpec> {
 fn measured(cloth: &Cloth) -> [f64; 3] {
     let (mut red, mut all, mut stretches) = (0.0, 0.0, 0.0);
     let (mut pairs, mut both) = (0.0, 0.0);
-    for batch in 0..cloth.threads.len() {
-        let strand_fibres = {
-            let path = cloth.path(&cloth.threads[batch], CurveLevel::Fibre);
-            cloth.strand(batch, &path).closure.fibres_per_ply()
-        };
+    for_each_strand(cloth, |batch, strand| {
+        let strand_fibres = strand.closure.fibres_per_ply();
         let mut before: Option<(u32, bool)> = None;
         // Places of fibres in thin slices across the thread, which lies along x or y.
         let axis = usize::from(batch < cloth.draft().unwrap().ends());
         let mut slices: BTreeMap<i32, Vec<(Vec3, bool)>> = BTreeMap::new();
-        cloth.for_each_in_batch(batch, &mut |s| {
-            if s.fibre >= strand_fibres {
-                return;
-            }
-            let colour = cloth.materials()[usize::from(s.material)].colour.unwrap();
-            let is_red = colour.0.x > 0.3;
+        let fibres = segments_of(cloth, [batch]).into_iter();
+        for s in fibres.filter(|s| s.fibre < strand_fibres) {
+            let is_red = colour(cloth, &s).unwrap().0.x > 0.3;
             all += f64::from(s.length_mm());
             red += f64::from(s.length_mm()) * f64::from(u8::from(is_red));
             if is_red && before != Some((s.fibre, true)) {
                 stretches += 1.0;
             }
             before = Some((s.fibre, is_red));
-            let place = s.start_mm[axis];
-            let slice = (place / 0.05).floor();
-            if slice as i32 % 8 == 0 {
-                slices
-                    .entry(slice as i32)
-                    .or_default()
-                    .push((s.start_mm, is_red));
+            let number = (s.start_mm[axis] / 0.05).floor() as i32;
+            if number % 8 == 0 {
+                let slice = slices.entry(number).or_default();
+                slice.push((s.start_mm, is_red));
             }
-        });
+        }
         for slice in slices.values() {
             for (i, (at, _)) in slice.iter().enumerate().filter(|(_, p)| p.1) {
                 let others = slice.iter().enumerate().filter(|(j, _)| *j != i);
@@ -78,7 +58,7 @@ fn measured(cloth: &Cloth) -> [f64; 3] {
                 }
             }
         }
-    }
+    });
     [
         red / all,
         red / f64::max(stretches, 1.0),
@@ -89,13 +69,13 @@ fn measured(cloth: &Cloth) -> [f64; 3] {
 /// Colours keep their shares, and lie together across and along the yarn as far as is asked.
 #[test]
 fn colours_lie_together() {
-    let [share, _, together] = measured(&blended(None));
+    let [share, _, together] = measured(&blended(""));
     assert!((share - 0.25).abs() < 0.03, "seed {SEED}: {share}");
     assert!(
         (together - 0.25).abs() < 0.1,
         "seed {SEED}, the twin: {together}"
     );
-    let [share, length_mm, together] = measured(&blended(tufts(12.0, 0.8)));
+    let [share, length_mm, together] = measured(&blended(&tufts(12.0, 0.8)));
     // Tufts of about 0.8 mm in 24 threads of 6 mm: some 1800, of which 0.25 +- 0.01 are red.
     assert!((share - 0.25).abs() < 0.06, "seed {SEED}: {share}");
     assert!(together > 0.5, "seed {SEED}: {together}");
@@ -104,17 +84,12 @@ fn colours_lie_together() {
         (length_mm / (0.8 * 4.0 / 3.0) - 1.0).abs() < 0.25,
         "seed {SEED}: {length_mm}"
     );
-    let [_, longer_mm, _] = measured(&blended(tufts(12.0, 1.6)));
+    let [_, longer_mm, _] = measured(&blended(&tufts(12.0, 1.6)));
     assert!(longer_mm > 1.4 * length_mm, "seed {SEED}: {longer_mm}");
 }
 
 #[test]
 fn tufts_need_a_blend_of_colours() {
-    let yarn = YarnSpec {
-        blend_tufts: tufts(12.0, 1.0),
-        ..YarnSpec::default()
-    };
-    let refused = Cloth::build(&irregular(1, yarn), &no_files, 7).unwrap_err();
     let words = "blend_tufts: expected a blend whose parts differ by colour alone";
-    assert!(refused.to_string().contains(words), "{refused}");
+    assert_contains(&refusal(&irregular(1, &tufts(12.0, 1.0))), words);
 }

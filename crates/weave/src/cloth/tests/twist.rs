@@ -7,9 +7,9 @@ use glam::DVec2;
 fn cloth() -> Cloth {
     let text = "[draft]\nweave = \"plain\"\n[warp]\nyarn = \"y\"\nper_cm = 6\n[weft]\nyarn = \"y\"\n\
                 per_cm = 6\n[tile]\nrepeats = [4, 4]\n[yarn.y]\npreset = \"cotton\"\ntex = 40\naspect = \
-                1\nhairs = { per_mm = 0 }\nloops = { per_mm = 0 }\nevenness = { mass_cv_percent = 18, \
+                1\nevenness = { mass_cv_percent = 18, \
                 fibre_length_mm = 3 }\n";
-    Cloth::build(&toml::from_str(text).unwrap(), &no_files, 7).unwrap()
+    build(&parsed(&format!("{text}{NO_FUZZ}")))
 }
 
 /// Along a thread: mass, up to a factor, and twist in radians per millimetre of equal pieces,
@@ -17,7 +17,7 @@ fn cloth() -> Cloth {
 fn pieces(cloth: &Cloth, batch: usize) -> Vec<[f64; 2]> {
     const PIECES: usize = 24;
     let path = cloth.path(&cloth.threads[batch], CurveLevel::Fibre);
-    let strand = cloth.strand(batch, &path);
+    let strand = &cloth.strand(batch, &path);
     let steps = path.steps();
     // Sums of squared radii, of products that give the cosine of the turn, and its sine.
     let mut sums = vec![[0.0; 3]; steps];
@@ -29,18 +29,12 @@ fn pieces(cloth: &Cloth, batch: usize) -> Vec<[f64; 2]> {
         let k = i % steps;
         DVec2::new(from.dot(path.lateral[k]), from.dot(path.vertical[k])) / section
     };
-    let mut beside = crate::protruding::Beside {
-        strand: &strand,
-        nearest: 0,
-    };
+    let mut beside = crate::protruding::Beside { strand, nearest: 0 };
     let mut last = None;
     let mut step = 0;
     strand.emit_fibres(&mut |s| {
         step += 1;
-        if last
-            .replace((s.fibre, s.start_mm))
-            .is_none_or(|(fibre, _)| fibre != s.fibre)
-        {
+        if last.replace(s.fibre) != Some(s.fibre) {
             beside.search(s.start_mm.as_dvec3());
             step = usize::try_from(beside.nearest).unwrap_or(0).min(steps - 1);
         }
@@ -49,13 +43,11 @@ fn pieces(cloth: &Cloth, batch: usize) -> Vec<[f64; 2]> {
         }
         let [a, b] = [across(step, s.start_mm), across(step + 1, s.end_mm)];
         let radius = f64::from(s.start_radius_mm);
-        let sum = &mut sums[step];
-        for (sum, more) in sum
+        let more = [radius * radius, a.dot(b), a.perp_dot(b)];
+        sums[step]
             .iter_mut()
-            .zip([radius * radius, a.dot(b), a.perp_dot(b)])
-        {
-            *sum += more;
-        }
+            .zip(more)
+            .for_each(|(sum, more)| *sum += more);
     });
     let piece = |i: usize| {
         let [from, to] = [i * steps / PIECES, (i + 1) * steps / PIECES];

@@ -3,16 +3,8 @@
 use super::*;
 use crate::{PrintSide, WearSpec};
 
-const PALE: Rgb = Rgb::new(0.9, 0.9, 0.9);
-
 fn spec() -> WearSpec {
-    WearSpec {
-        amount: Some(1.0),
-        depth_um: Some(60.0),
-        colour: PALE,
-        side: PrintSide::Face,
-        pills: None,
-    }
+    parsed("amount = 1\ndepth_um = 60\ncolour = [0.9, 0.9, 0.9]")
 }
 
 fn worn(spec: &WearSpec) -> Cloth {
@@ -26,15 +18,15 @@ fn worn(spec: &WearSpec) -> Cloth {
 
 /// Red of all pieces of fibre, with their heights and lengths.
 fn pieces(cloth: &Cloth) -> Vec<(f32, f32, f32)> {
-    let mut all = Vec::new();
-    for batch in 0..cloth.batch_count() {
-        cloth.for_each_in_batch(batch, &mut |s| {
-            let colour = cloth.materials()[usize::from(s.material)].colour.unwrap();
-            let height = 0.5 * (s.start_mm + s.end_mm).z;
-            all.push((colour.0.x, height, s.length_mm()));
-        });
-    }
-    all
+    pieces_of(cloth, 0..cloth.batch_count())
+}
+
+fn pieces_of(cloth: &Cloth, batches: std::ops::Range<usize>) -> Vec<(f32, f32, f32)> {
+    let piece = |s: Segment| {
+        let red = colour(cloth, &s).unwrap().0.x;
+        (red, 0.5 * (s.start_mm + s.end_mm).z, s.length_mm())
+    };
+    segments_of(cloth, batches).into_iter().map(piece).collect()
 }
 
 /// The highest fibres are palest, those a depth below them are as they were, and between them
@@ -74,23 +66,19 @@ fn cut_pile_is_rubbed() {
     let mut fabric = fabric("plain");
     let pile = "kind = 'cut'\nyarn = 'rayon'\nheight_mm = 1.5\nevery = [2, 2]\ncolours = [[0.1, 0.1, \
                 0.1]]";
-    fabric.pile = Some(toml::from_str(pile).unwrap());
+    fabric.pile = parsed(pile);
     fabric.tile.repeats = [4, 4];
     let mut cloth = build(&fabric);
     cloth.wear(&spec()).unwrap();
     let tufts = cloth.threads.len()..cloth.batch_count();
     assert!(!tufts.is_empty());
     let (mut pale, mut dark) = (Vec::new(), Vec::new());
-    for batch in tufts {
-        cloth.for_each_in_batch(batch, &mut |s| {
-            let colour = cloth.materials()[usize::from(s.material)].colour.unwrap();
-            let height = 0.5 * (s.start_mm + s.end_mm).z;
-            if colour.0.x > 0.85 {
-                pale.push(height);
-            } else if colour.0.x < 0.11 {
-                dark.push(height);
-            }
-        });
+    for (red, height, _) in pieces_of(&cloth, tufts) {
+        if red > 0.85 {
+            pale.push(height);
+        } else if red < 0.11 {
+            dark.push(height);
+        }
     }
     let counts = [pale.len(), dark.len()];
     assert!(counts.iter().all(|n| *n > 100), "{counts:?}");
@@ -101,21 +89,16 @@ fn cut_pile_is_rubbed() {
 
 #[test]
 fn wear_that_is_none_is_refused() {
-    let refused = |spec: WearSpec| {
-        let mut cloth = build(&fabric("plain"));
-        cloth.wear(&spec).unwrap_err().to_string()
-    };
-    let much = refused(WearSpec {
-        amount: Some(1.5),
-        ..spec()
-    });
-    assert!(
-        much.contains("wear.amount: expected a number from 0 to 1"),
-        "{much}"
-    );
-    let shallow = refused(WearSpec {
-        depth_um: Some(0.0),
-        ..spec()
-    });
-    assert!(shallow.contains("wear.depth_um: expected"), "{shallow}");
+    for (amount, depth_um, expected) in [
+        (1.5, 60.0, "wear.amount: expected a number from 0 to 1"),
+        (1.0, 0.0, "wear.depth_um: expected"),
+    ] {
+        let wear = WearSpec {
+            amount: Some(amount),
+            depth_um: Some(depth_um),
+            ..spec()
+        };
+        let refused = build(&fabric("plain")).wear(&wear);
+        assert_contains(&refused.unwrap_err().to_string(), expected);
+    }
 }
