@@ -114,22 +114,14 @@ impl Closure {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spec::{TwistDirection, TwistSpec, YarnSpec};
 
     fn yarn(plies: u32, fibres: u32, turns_per_m: f64) -> Yarn {
-        let twist = |direction| TwistSpec {
-            direction,
-            turns_per_m: Some(turns_per_m),
-            angle_deg: None,
-        };
-        let spec = YarnSpec {
-            plies: Some(plies),
-            fibres_per_ply: Some(fibres),
-            twist: Some(twist(TwistDirection::Z)),
-            ply_twist: Some(twist(TwistDirection::S)),
-            ..YarnSpec::default()
-        };
-        Yarn::new("cotton", &spec).unwrap()
+        let twists = format!(
+            "twist = {{ direction = 'Z', turns_per_m = {turns_per_m} }}\n\
+             ply_twist = {{ direction = 'S', turns_per_m = {turns_per_m} }}"
+        );
+        let keys = format!("plies = {plies}\nfibres_per_ply = {fibres}\n{twists}");
+        Yarn::new("cotton", &toml::from_str(&keys).unwrap()).unwrap()
     }
 
     #[test]

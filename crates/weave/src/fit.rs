@@ -353,6 +353,7 @@ fn room(
 mod tests {
     use super::*;
     use crate::spec::YarnSpec;
+    use organza_testing::assert_contains;
 
     /// A round yarn of the given diameter, packed to `fraction`.
     fn yarn(diameter_mm: f64, fraction: f64) -> Yarn {
@@ -379,25 +380,21 @@ mod tests {
         )
     }
 
+    fn refusal(weave: &str, yarn: &Yarn, warp_mm: f64, weft_mm: f64) -> String {
+        let refused = fit_of(weave, yarn, warp_mm, weft_mm);
+        refused.unwrap_err().to_string()
+    }
+
     #[test]
     fn the_square_plain_weave_jams_where_peirce_says() {
         // Two equal terms of one half: p / D = sqrt(3) / 2, D two diameters.
         let (yarn, limit) = (yarn(0.2, 0.9), 0.2 * 3f64.sqrt());
-        assert_eq!(
-            fit_of("plain", &yarn, limit * 1.001, limit * 1.001)
-                .unwrap()
-                .compaction,
-            1.0
-        );
-        let error = fit_of("plain", &yarn, limit * 0.97, limit * 0.97)
-            .unwrap_err()
-            .to_string();
-        assert!(
-            error.contains("jammed") && error.contains("per cm"),
-            "{error}"
-        );
-        let error = fit_of("plain", &yarn, 0.21, 0.34).unwrap_err().to_string();
-        assert!(error.contains("warp"), "{error}");
+        let fit = fit_of("plain", &yarn, limit * 1.001, limit * 1.001);
+        assert_eq!(fit.unwrap().compaction, 1.0);
+        let error = refusal("plain", &yarn, limit * 0.97, limit * 0.97);
+        assert_contains(&error, "jammed");
+        assert_contains(&error, "per cm");
+        assert_contains(&refusal("plain", &yarn, 0.21, 0.34), "warp");
     }
 
     #[test]
@@ -407,10 +404,8 @@ mod tests {
         assert!((fit.compaction - 0.3 / (0.2 * 3f64.sqrt())).abs() < 4.0 * f64::from(f32::EPSILON));
         let hard = yarn(0.2, 0.9);
         assert!(fit_of("plain", &hard, 0.24, 0.24).is_err());
-        assert_eq!(
-            fit_of("satin-8-3", &hard, 0.24, 0.24).unwrap().compaction,
-            1.0
-        );
+        let satin = fit_of("satin-8-3", &hard, 0.24, 0.24).unwrap();
+        assert_eq!(satin.compaction, 1.0);
     }
 
     #[test]
@@ -424,12 +419,7 @@ mod tests {
             "area is kept"
         );
         assert!((fit.weft[0].x / fit.weft[0].y - 4.0).abs() < 4.0 * f64::EPSILON);
-        let error = fit_of("satin-8-3", &flat, 0.08, 0.8)
-            .unwrap_err()
-            .to_string();
-        assert!(
-            error.contains("warp thread 1 (yarn cotton, 0.200 mm thick)"),
-            "{error}"
-        );
+        let error = refusal("satin-8-3", &flat, 0.08, 0.8);
+        assert_contains(&error, "warp thread 1 (yarn cotton, 0.200 mm thick)");
     }
 }

@@ -208,6 +208,7 @@ impl Knit {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use organza_testing::assert_contains;
 
     fn knit(name: &str) -> Knit {
         Knit::named(name, 1.0, 0.75, 0.1).unwrap()
@@ -262,13 +263,12 @@ mod tests {
 
     #[test]
     fn wrong_knits_are_refused() {
-        let error = Knit::named("stockinet", 1.0, 0.7, 0.1)
-            .unwrap_err()
-            .to_string();
-        assert!(error.contains("did you mean \"stockinette\""), "{error}");
-        let error = Knit::named("stockinette", 1.0, 0.7, 0.4)
-            .unwrap_err()
-            .to_string();
-        assert!(error.contains("jammed"), "{error}");
+        for (name, radius_mm, expected) in [
+            ("stockinet", 0.1, "did you mean \"stockinette\""),
+            ("stockinette", 0.4, "jammed"),
+        ] {
+            let error = Knit::named(name, 1.0, 0.7, radius_mm).unwrap_err();
+            assert_contains(&error.to_string(), expected);
+        }
     }
 }

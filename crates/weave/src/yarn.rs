@@ -311,12 +311,10 @@ fn radial_quantiles(c: CrossSectionSpec) -> Arc<[f64]> {
 mod tests {
     use super::*;
     use crate::preset::{self, preset};
-    use crate::spec::{TwistDirection, TwistSpec};
+    use organza_testing::assert_contains;
 
-    fn yarn(change: impl FnOnce(&mut YarnSpec)) -> Result<Yarn, Error> {
-        let mut spec = YarnSpec::default();
-        change(&mut spec);
-        Yarn::new("cotton", &spec)
+    fn yarn(keys: &str) -> Result<Yarn, Error> {
+        Yarn::new("cotton", &toml::from_str(keys).unwrap())
     }
 
     #[test]
@@ -333,36 +331,22 @@ mod tests {
 
     #[test]
     fn packing_beyond_the_densest_is_refused() {
-        let error = yarn(|s| s.fibre_volume_fraction = Some(0.95))
-            .unwrap_err()
-            .to_string();
-        assert!(
-            error.contains("yarn.cotton.fibre_volume_fraction"),
-            "{error}"
-        );
-        assert!(yarn(|s| s.fibre_volume_fraction = Some(0.9069)).is_ok());
-        let tight = yarn(|s| {
-            s.fibres_per_ply = Some(100);
-            s.ply_radius_mm = Some(0.08);
-        });
+        let error = yarn("fibre_volume_fraction = 0.95").unwrap_err();
+        let key = "yarn.cotton.fibre_volume_fraction";
+        assert_contains(&error.to_string(), key);
+        assert!(yarn("fibre_volume_fraction = 0.9069").is_ok());
+        let tight = yarn("fibres_per_ply = 100\nply_radius_mm = 0.08");
         assert!(tight.is_err(), "100 fibres of 8 um fill 1.0 of 80 um");
-        let one = yarn(|s| s.fibres_per_ply = Some(1)).unwrap();
+        let one = yarn("fibres_per_ply = 1").unwrap();
         assert_eq!(one.ply_radius_mm, one.fibre_radius_mm);
     }
 
     #[test]
     fn fibre_length_of_a_twisted_yarn_follows_the_closed_form() {
-        let y = yarn(|s| {
-            s.cross_section = Some(CrossSectionSpec {
-                epsilon: 0.0,
-                beta: 0.0,
-            });
-            s.migration = Some(MigrationSpec {
-                min_fraction: 1.0,
-                max_fraction: 1.0,
-                cycles_per_turn: 1.0,
-            });
-        })
+        let y = yarn(
+            "cross_section = { epsilon = 0, beta = 0 }\n\
+             migration = { min_fraction = 1, cycles_per_turn = 1 }",
+        )
         .unwrap();
         // Uniform disc of helices: 2/3 ((1 + a^2)^(3/2) - 1) / a^2.
         let a = y.twist_rad_per_mm * (y.ply_radius_mm - y.fibre_radius_mm);
@@ -375,15 +359,12 @@ mod tests {
 
     #[test]
     fn radii_follow_the_published_density() {
-        let c = CrossSectionSpec {
-            epsilon: 0.1,
-            beta: 0.4,
-        };
-        let y = yarn(|s| s.cross_section = Some(c)).unwrap();
+        let [epsilon, beta] = [0.1, 0.4];
+        let keys = format!("cross_section = {{ epsilon = {epsilon}, beta = {beta} }}");
+        let y = yarn(&keys).unwrap();
         let e = std::f64::consts::E;
-        let p = |r: f64| {
-            r * ((1.0 - 2.0 * c.epsilon) * ((e - r.exp()) / (e - 1.0)).powf(c.beta) + c.epsilon)
-        };
+        let p =
+            |r: f64| r * ((1.0 - 2.0 * epsilon) * ((e - r.exp()) / (e - 1.0)).powf(beta) + epsilon);
         // Simpson's rule up to the quantile against the quantile itself; a
         // uniform disc would be off by far more.
         let simpson = |to: f64| {
@@ -404,45 +385,30 @@ mod tests {
 
     #[test]
     fn twist_is_an_angle_or_a_number_of_turns() {
-        let twist = |direction, turns_per_m, angle_deg| {
-            yarn(|s| {
-                s.twist = Some(TwistSpec {
-                    direction,
-                    turns_per_m,
-                    angle_deg,
-                })
-            })
-        };
-        let s = twist(TwistDirection::S, Some(500.0), None).unwrap();
+        let twist = |keys: &str| yarn(&format!("twist = {{ direction = {keys} }}"));
+        let s = twist("'S', turns_per_m = 500").unwrap();
         assert!((s.twist_rad_per_mm + TAU * 0.5).abs() < 4.0 * f64::EPSILON);
-        let z = twist(TwistDirection::Z, None, Some(45.0)).unwrap();
+        let z = twist("'Z', angle_deg = 45").unwrap();
         assert!((z.twist_rad_per_mm * z.ply_radius_mm - 1.0).abs() < 4.0 * f64::EPSILON);
-        assert!(twist(TwistDirection::Z, None, None).is_err());
-        assert!(twist(TwistDirection::Z, Some(1.0), Some(1.0)).is_err());
+        assert!(twist("'Z'").is_err());
+        assert!(twist("'Z', turns_per_m = 1, angle_deg = 1").is_err());
     }
 
     #[test]
     fn wrong_values_name_their_key() {
-        let error = yarn(|s| s.preset = Some("coton".to_owned()))
-            .unwrap_err()
-            .to_string();
-        assert!(error.contains("did you mean \"cotton\""), "{error}");
-        for (error, key) in [
-            (yarn(|s| s.tex = Some(-1.0)), "yarn.cotton.tex"),
-            (
-                yarn(|s| s.fibre_radius_um = Some(f64::NAN)),
-                "yarn.cotton.fibre_radius_um",
-            ),
-            (yarn(|s| s.plies = Some(0)), "yarn.cotton.plies"),
-            (
-                yarn(|s| s.fibres_per_ply = Some(u32::MAX)),
-                "yarn.cotton.fibres_per_ply",
-            ),
-            (yarn(|s| s.tex = Some(1e6)), "yarn.cotton.fibres_per_ply"),
-            (yarn(|s| s.aspect = Some(0.0)), "yarn.cotton.aspect"),
+        let error = yarn("preset = 'coton'").unwrap_err().to_string();
+        assert_contains(&error, "did you mean \"cotton\"");
+        for (keys, key) in [
+            ("tex = -1", "tex"),
+            ("fibre_radius_um = nan", "fibre_radius_um"),
+            ("plies = 0", "plies"),
+            ("fibres_per_ply = 4294967295", "fibres_per_ply"),
+            ("tex = 1e6", "fibres_per_ply"),
+            ("aspect = 0", "aspect"),
         ] {
-            let message = error.unwrap_err().to_string();
-            assert!(message.starts_with(key), "{key}: {message}");
+            let message = yarn(keys).unwrap_err().to_string();
+            let start = format!("yarn.cotton.{key}");
+            assert!(message.starts_with(&start), "{keys}: {message}");
         }
     }
 }

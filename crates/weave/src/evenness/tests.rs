@@ -1,18 +1,18 @@
 //! Unevenness against its spectrum, and twist and slubs along it.
 
 use super::*;
-use crate::spec::{SlubSpec, YarnSpec};
-use organza_testing::sized;
+use organza_testing::{assert_contains, sized, table_rows};
 
-fn yarn(mass_cv_percent: f64, fibre_length_mm: f64) -> Yarn {
-    let spec = YarnSpec {
-        evenness: Some(EvennessSpec {
-            mass_cv_percent,
-            fibre_length_mm,
-        }),
-        ..YarnSpec::default()
-    };
-    Yarn::new("cotton", &spec).unwrap()
+fn yarn(keys: &str) -> Yarn {
+    Yarn::new("cotton", &toml::from_str(keys).unwrap()).unwrap()
+}
+
+/// A yarn whose mass varies.
+fn uneven(mass_cv_percent: f64, fibre_length_mm: f64) -> Yarn {
+    let mass = format!("mass_cv_percent = {mass_cv_percent}");
+    yarn(&format!(
+        "evenness = {{ {mass}, fibre_length_mm = {fibre_length_mm} }}"
+    ))
 }
 
 /// Threads over which moments are taken.
@@ -60,7 +60,7 @@ fn mass_varies_as_that_of_random_fibres() {
 
 fn mass_varies(fibre_mm: f64, length_mm: f64, apart_mm: [f64; 2]) {
     let cv: f64 = 0.08;
-    let of_fibres = |fibre_mm: f64| moments(&yarn(100.0 * cv, fibre_mm), length_mm, apart_mm);
+    let of_fibres = |fibre_mm: f64| moments(&uneven(100.0 * cv, fibre_mm), length_mm, apart_mm);
     let (mean, variance, covariances) = of_fibres(fibre_mm);
     let wrapped = |x: f64| {
         let copies = (-50..=50).map(|n| x + f64::from(n) * length_mm);
@@ -79,11 +79,9 @@ fn mass_varies(fibre_mm: f64, length_mm: f64, apart_mm: [f64; 2]) {
         "{fibre_mm} {length_mm}: {variance}"
     );
     let is_near = |found: f64, expected: f64| (found - expected).abs() < error;
+    let mut found = covariances.iter().zip(expected);
     assert!(
-        covariances
-            .iter()
-            .zip(expected)
-            .all(|(&c, e)| is_near(c, e)),
+        found.all(|(&c, e)| is_near(c, e)),
         "{fibre_mm} {length_mm} at {apart_mm:?}: {covariances:?} for {expected:?}; seed 11"
     );
     // The twin: fibres of another length.
@@ -127,26 +125,14 @@ fn spectrogram(yarn: &Yarn, length_mm: f64, threads: u64) -> Vec<f64> {
 #[test]
 fn drafting_waves_are_a_hill_of_the_spectrogram() {
     let (cv, length_mm, threads): (f64, f64, u64) = (0.1, 1500.0, 300);
-    let waved = |drafting_waves| {
-        let spec = YarnSpec {
-            evenness: Some(EvennessSpec {
-                mass_cv_percent: 100.0 * cv,
-                fibre_length_mm: 28.0,
-            }),
-            drafting_waves,
-            ..YarnSpec::default()
-        };
-        Yarn::new("cotton", &spec).unwrap()
-    };
-    let drafting = DraftingWaveSpec {
-        share: 0.5,
-        length_mm: None,
-        spread: 0.15,
-    };
-    let yarn = waved(Some(drafting));
-    let wave_mm = yarn.drafting_waves.unwrap().length_mm.unwrap();
+    let even = "evenness = { mass_cv_percent = 10, fibre_length_mm = 28 }";
+    let waved = yarn(&format!(
+        "{even}\ndrafting_waves = {{ share = 0.5, spread = 0.15 }}"
+    ));
+    let drafting = waved.drafting_waves.unwrap();
+    let wave_mm = drafting.length_mm.unwrap();
     assert_eq!(wave_mm, 77.0);
-    let [with, without] = [yarn, waved(None)].map(|yarn| spectrogram(&yarn, length_mm, threads));
+    let [with, without] = [waved, yarn(even)].map(|yarn| spectrogram(&yarn, length_mm, threads));
     // Where the power of five neighbouring waves, smoothed, is largest beyond the longest.
     let peak_mm = |power: &[f64]| {
         let smooth = |k: usize| power[k - 2..=k + 2].iter().sum::<f64>();
@@ -198,32 +184,25 @@ fn drafting_waves_of_short_tiles_lie_between_the_threads() {
 
 #[test]
 fn wrong_drafting_waves_name_their_key() {
-    for (keys, expected) in [
-        (
-            "drafting_waves = { share = 0.5 }",
-            "x.drafting_waves: needs evenness",
-        ),
-        (
-            "irregularity = 'filament'\ndrafting_waves = { share = 1.5 }",
-            "x.drafting_waves.share: expected a number from 0 to 1, found 1.5",
-        ),
-        (
-            "irregularity = 'filament'\ndrafting_waves = { share = 0.5, length_mm = 0 }",
-            "x.drafting_waves.length_mm: expected a number from 1",
-        ),
-        (
-            "irregularity = 'filament'\ndrafting_waves = { share = 0.5, spread = 0 }",
-            "x.drafting_waves.spread: expected a number from 0.01",
-        ),
-    ] {
+    let refused = |keys: &str, expected: &str| {
         let error = Yarn::new("x", &toml::from_str(keys).unwrap()).unwrap_err();
-        assert!(error.to_string().contains(expected), "{keys}: {error}");
+        assert_contains(&error.to_string(), expected);
+    };
+    let needs = "x.drafting_waves: needs evenness";
+    refused("drafting_waves = { share = 0.5 }", needs);
+    for [waves, expected] in table_rows(
+        "share = 1.5 | share: expected a number from 0 to 1, found 1.5
+        share = 0.5, length_mm = 0 | length_mm: expected a number from 1
+        share = 0.5, spread = 0 | spread: expected a number from 0.01",
+    ) {
+        let keys = format!("irregularity = 'filament'\ndrafting_waves = {{ {waves} }}");
+        refused(&keys, &format!("x.drafting_waves.{expected}"));
     }
 }
 
 #[test]
 fn twist_closes_and_gathers_in_thin_places() {
-    let yarn = yarn(20.0, 3.0);
+    let yarn = uneven(20.0, 3.0);
     let profile = Profile::new(&yarn, 10.0, &mut PathRng::new(3, 0, 0)).unwrap();
     assert!((profile.twisted(1.25) - profile.twisted(0.25) - 1.0).abs() < 4.0 * f64::EPSILON);
     for i in 0..200 {
@@ -236,15 +215,7 @@ fn twist_closes_and_gathers_in_thin_places() {
 
 #[test]
 fn slubs_have_their_number_and_their_mass() {
-    let spec = YarnSpec {
-        slubs: Some(SlubSpec {
-            per_m: 50.0,
-            length_mm: [8.0, 0.0],
-            mass: [1.5, 0.0],
-        }),
-        ..YarnSpec::default()
-    };
-    let yarn = Yarn::new("cotton", &spec).unwrap();
+    let yarn = yarn("slubs = { per_m = 50, length_mm = [8, 0], mass = [1.5, 0] }");
     let mean = |length_mm: f64| {
         let thread = |i| Profile::new(&yarn, length_mm, &mut PathRng::new(5, i, 0));
         let masses = (0..2000).map(|i| thread(i).map_or(1.0, |p| p.mean(|m| m)));
@@ -254,18 +225,9 @@ fn slubs_have_their_number_and_their_mass() {
     // average; slubs that touch are cut at no more than the bound.
     let expected = 1.0 + 0.05 * 8.0 * 0.5 * 0.5;
     for length_mm in [10.0, 40.0] {
-        assert!(
-            (mean(length_mm) - expected).abs() < 0.01,
-            "{length_mm}: {}",
-            mean(length_mm)
-        );
+        let mean = mean(length_mm);
+        assert!((mean - expected).abs() < 0.01, "{length_mm}: {mean}");
     }
-    assert!(
-        Profile::new(
-            &Yarn::new("silk", &YarnSpec::default()).unwrap(),
-            5.0,
-            &mut PathRng::new(1, 0, 0)
-        )
-        .is_none()
-    );
+    let silk = Yarn::new("silk", &Default::default()).unwrap();
+    assert!(Profile::new(&silk, 5.0, &mut PathRng::new(1, 0, 0)).is_none());
 }

@@ -1,5 +1,6 @@
 use super::*;
 use crate::Thread;
+use organza_testing::assert_contains;
 use std::collections::HashSet;
 
 /// A picture of a disk: warp satin inside, weft satin outside.
@@ -63,21 +64,13 @@ fn windows_that_no_exemplar_has_are_drawn() {
         heights: None,
     });
     let twill = Draft::named("twill-2-1-z").unwrap();
-    let why = Synthesis::new(twill, &spec, given.to_vec(), 1)
-        .unwrap_err()
-        .to_string();
-    assert!(
-        why.starts_with("synthesis.exemplars: no exemplar has 3 of the design's"),
-        "{why}"
-    );
-    assert!(why.contains("at 3 crossings, the first at end "), "{why}");
-    assert!(
-        why.lines()
-            .filter(|l| l.contains('X') && l.contains('.'))
-            .count()
-            >= 9,
-        "{why}"
-    );
+    let refused = Synthesis::new(twill, &spec, given.to_vec(), 1);
+    let why = refused.unwrap_err().to_string();
+    let start = "synthesis.exemplars: no exemplar has 3 of the design's";
+    assert!(why.starts_with(start), "{why}");
+    assert_contains(&why, "at 3 crossings, the first at end ");
+    let is_drawn = |line: &&str| line.contains('X') && line.contains('.');
+    assert!(why.lines().filter(is_drawn).count() >= 9, "{why}");
     let satin = Draft::named("satin-5").unwrap();
     let made = Synthesis::new(satin, &spec, given.to_vec(), 1).unwrap();
     assert_eq!(made.figures().replaced_windows, 0);
@@ -108,21 +101,16 @@ fn crossings_of_volumes_are_known() {
         let up = made.exemplars[1].draft.warp_up(end, pick);
         let [e, p] = block.place;
         assert_eq!(made.exemplar.warp_up(e, p), up);
-        let number =
-            |end: usize, pick: usize| Some(((pick * 6 + end) as f64, -((pick * 6 + end) as f64)));
         let (left, below) = ((end + 5) % 6, (pick + 2) % 3);
-        assert_eq!(
-            made.volume_height(block.place, true, true),
-            number(end, pick)
-        );
-        assert_eq!(
-            made.volume_height(block.place, true, false),
-            number(end, below)
-        );
-        assert_eq!(
-            made.volume_height(block.place, false, false),
-            number(left, pick)
-        );
+        for (is_warp, is_after, [end, pick]) in [
+            (true, true, [end, pick]),
+            (true, false, [end, below]),
+            (false, false, [left, pick]),
+        ] {
+            let number = (pick * 6 + end) as f64;
+            let height = made.volume_height(block.place, is_warp, is_after);
+            assert_eq!(height, Some((number, -number)));
+        }
     }
     assert_eq!(made.volume_at([2, 2]), None);
 }
@@ -154,32 +142,10 @@ fn blocks_are_kept_apart_by_colour() {
 
 #[test]
 fn settings_out_of_range_are_refused() {
-    for (spec, key) in [
-        (
-            SynthesisSpec {
-                window: 4,
-                ..Default::default()
-            },
-            "synthesis.window",
-        ),
-        (
-            SynthesisSpec {
-                variants: 0,
-                ..Default::default()
-            },
-            "synthesis.variants",
-        ),
-        (
-            SynthesisSpec {
-                exemplar_crossings: 8,
-                ..Default::default()
-            },
-            "synthesis.exemplar_crossings",
-        ),
-    ] {
-        let why = Synthesis::new(disk(20), &spec, Vec::new(), 1)
-            .unwrap_err()
-            .to_string();
-        assert!(why.starts_with(key), "{why}");
+    for (key, value) in [("window", 4), ("variants", 0), ("exemplar_crossings", 8)] {
+        let spec = toml::from_str(&format!("{key} = {value}")).unwrap();
+        let refused = Synthesis::new(disk(20), &spec, Vec::new(), 1);
+        let why = refused.unwrap_err().to_string();
+        assert!(why.starts_with(&format!("synthesis.{key}")), "{why}");
     }
 }

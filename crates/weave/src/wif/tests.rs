@@ -1,14 +1,26 @@
 use super::example_drafts::{EXAMPLES, damask};
 use super::*;
 use organza_basis::Rgb;
+use organza_testing::{assert_contains, table_rows};
 use std::collections::BTreeMap;
 
 /// A four-shaft draft of the project's own, with room for oddities.
-fn wif(weaving: &str, rest: &str) -> String {
+fn wif(rest: &str) -> String {
     format!(
-        "[WIF]\nVersion=1.1\n[WEAVING]\nShafts=4\nTreadles=4\n{weaving}\n\
+        "[WIF]\nVersion=1.1\n[WEAVING]\nShafts=4\nTreadles=4\n\
          [WARP]\nThreads=4\n[WEFT]\nThreads=4\n{rest}"
     )
+}
+
+/// The twill with other sections behind it.
+fn twill(rest: &str) -> String {
+    wif(&format!("{THREADING}{TIEUP}{TREADLING}{rest}"))
+}
+
+/// The twill with a shed that is said to rise so.
+fn shed(rising: &str) -> String {
+    let key = format!("Treadles=4\n{rising}\n");
+    twill("").replace("Treadles=4\n", &key)
 }
 
 const THREADING: &str = "[THREADING]\n1=1\n2=2\n3=3\n4=4\n";
@@ -26,32 +38,23 @@ fn refused(text: &str) -> String {
 
 #[test]
 fn tieup_liftplan_and_skeleton_tieup_give_the_same_cloth() {
-    let tied = wif("", &format!("{THREADING}{TIEUP}{TREADLING}"));
-    let lifted = wif(
-        "",
-        &format!("{THREADING}[LIFTPLAN]\n1=1,2\n2=2,3\n3=3,4\n4=4,1\n"),
-    );
-    let skeleton = wif(
-        "",
-        &format!(
-            "{THREADING}[TIEUP]\n1=1\n2=2\n3=3\n4=4\n[TREADLING]\n1=1,2\n2=2,0,3\n3=3,4\n4=4,1\n"
-        ),
-    );
-    for text in [tied, lifted, skeleton] {
+    let lifted = "[LIFTPLAN]\n1=1,2\n2=2,3\n3=3,4\n4=4,1\n";
+    let skeleton = "[TIEUP]\n1=1\n2=2\n3=3\n4=4\n[TREADLING]\n1=1,2\n2=2,0,3\n3=3,4\n4=4,1\n";
+    let [lifted, skeleton] = [lifted, skeleton].map(|rest| wif(&format!("{THREADING}{rest}")));
+    for text in [twill(""), lifted, skeleton] {
         assert_eq!(read(&text).drawdown(), TWILL);
     }
 }
 
 #[test]
 fn a_sinking_shed_is_the_complement() {
-    let rest = format!("{THREADING}{TIEUP}{TREADLING}");
-    let (up, down) = (read(&wif("", &rest)), read(&wif("Rising Shed=no", &rest)));
+    let (up, down) = (read(&twill("")), read(&shed("Rising Shed=no")));
     assert!((0..16).all(|i| up.warp_up(i % 4, i / 4) != down.warp_up(i % 4, i / 4)));
 }
 
 #[test]
 fn dress_does_not_matter() {
-    let plain = wif("rising shed = 1", &format!("{THREADING}{TIEUP}{TREADLING}"));
+    let plain = shed("rising shed = 1");
     let crlf = plain.replace('\n', "\r\n");
     let mac = plain.replace('\n', "\r");
     let bom = format!("\u{feff}{plain}");
@@ -77,26 +80,20 @@ fn dress_does_not_matter() {
 
 #[test]
 fn latin_1_titles_are_read() {
-    let mut bytes = wif("", &format!("{THREADING}{TIEUP}{TREADLING}[TEXT]\nTitle=k")).into_bytes();
+    let mut bytes = twill("[TEXT]\nTitle=k").into_bytes();
     bytes.extend(b"\xf6per\n");
     assert_eq!(Draft::from_wif(&bytes).unwrap().title, "köper");
 }
 
 #[test]
 fn liftplan_wins_over_treadling_and_says_so_when_they_differ() {
-    let both = |lift: &str| {
-        read(&wif(
-            "",
-            &format!("{THREADING}{TIEUP}{TREADLING}[LIFTPLAN]\n{lift}"),
-        ))
-    };
+    let both = |lift: &str| read(&twill(&format!("[LIFTPLAN]\n{lift}")));
     assert!(both("1=2,1\n2=2,3\n3=3,4\n4=1,4\n").warnings.is_empty());
     let other = both("1=1\n2=2\n3=3\n4=4\n");
     assert_eq!(other.drawdown(), "...X\n..X.\n.X..\nX...\n");
     assert!(other.warnings[0].contains("differs from TIEUP"));
-    let disowned =
-        format!("[CONTENTS]\nLIFTPLAN=no\n{THREADING}{TIEUP}{TREADLING}[LIFTPLAN]\n1=1\n");
-    assert_eq!(read(&wif("", &disowned)).drawdown(), TWILL);
+    let disowned = twill("[CONTENTS]\nLIFTPLAN=no\n[LIFTPLAN]\n1=1\n");
+    assert_eq!(read(&disowned).drawdown(), TWILL);
 }
 
 #[test]
@@ -113,14 +110,10 @@ fn palettes_of_any_range_and_lengths_of_any_unit() {
         ("", "255,255,255", "cm", "0.1"),
         ("Range=1,0", "0,0,0", "mm", "1"),
     ] {
-        let text = wif(
-            "",
-            &format!(
-                "{THREADING}{TIEUP}{TREADLING}[COLOR PALETTE]\n{range}\n[COLOR TABLE]\n2={white}\n\
-                 [WARP COLORS]\n1=2\n[WARP]\nUnits={unit}\nSpacing={spacing}\n[WARP THICKNESS]\n3={spacing}\n"
-            ),
-        );
-        let draft = read(&text);
+        let draft = read(&twill(&format!(
+            "[COLOR PALETTE]\n{range}\n[COLOR TABLE]\n2={white}\n\
+             [WARP COLORS]\n1=2\n[WARP]\nUnits={unit}\nSpacing={spacing}\n[WARP THICKNESS]\n3={spacing}\n"
+        )));
         assert_eq!(draft.warp[0].colour, Some(Rgb::WHITE), "{range}");
         assert_eq!(draft.warp[1].colour, None);
         assert!(
@@ -132,44 +125,29 @@ fn palettes_of_any_range_and_lengths_of_any_unit() {
     }
 }
 
+/// What stands behind the twill, with `\n` at the ends of lines, and what is said of it.
+const ODD: &str = r#"
+[TREDLING]\n1=1 | did you mean "TREADLING"
+[WARP]\nColor=7 | [WARP] Color 7 is not in the COLOR TABLE
+[WARP SPACING]\n1=2\n[WARP]\nUnits=cm | 3 threads have none
+[WARP]\nSpacing=2 | Units is missing
+"#;
+
 #[test]
 fn odd_but_decided_files_load_with_a_warning() {
-    for (rest, expected) in [
-        (
-            format!("{THREADING}{TIEUP}[TREADLING]\n1=1\n2=\n4=0\n"),
-            "[TREADLING] 3 of 4 picks use no treadle",
-        ),
-        (
-            format!("[THREADING]\n1=1\n{TIEUP}{TREADLING}"),
-            "[THREADING] 3 of 4 ends are on no shaft",
-        ),
-        (
-            format!("[THREADING]\n1=1\n2=1\n3=1\n4=1\n9=1\n{TIEUP}{TREADLING}"),
-            "1 lines lie beyond line 4",
-        ),
-        (
-            format!("{THREADING}{TIEUP}{TREADLING}[TREDLING]\n1=1\n"),
-            "did you mean \"TREADLING\"",
-        ),
-        (
-            format!("{THREADING}{TIEUP}{TREADLING}[WARP]\nColor=7\n"),
-            "[WARP] Color 7 is not in the COLOR TABLE",
-        ),
-        (
-            format!("{THREADING}{TIEUP}{TREADLING}[WARP SPACING]\n1=2\n[WARP]\nUnits=cm"),
-            "3 threads have none",
-        ),
-        (
-            format!("{THREADING}{TIEUP}{TREADLING}[WARP]\nSpacing=2\n"),
-            "Units is missing",
-        ),
-    ] {
-        let draft = read(&wif("", &rest));
-        assert!(
-            draft.warnings.iter().any(|w| w.contains(expected)),
-            "{expected}: {:?}",
-            draft.warnings
-        );
+    let warned = |text: &str, expected: &str| {
+        assert_contains(&read(text).warnings.join("; "), expected);
+    };
+    let few = format!("{THREADING}{TIEUP}[TREADLING]\n1=1\n2=\n4=0\n");
+    warned(&wif(&few), "[TREADLING] 3 of 4 picks use no treadle");
+    let threaded = |lines: &str| wif(&format!("[THREADING]\n{lines}\n{TIEUP}{TREADLING}"));
+    warned(&threaded("1=1"), "[THREADING] 3 of 4 ends are on no shaft");
+    warned(
+        &threaded("1=1\n2=1\n3=1\n4=1\n9=1"),
+        "1 lines lie beyond line 4",
+    );
+    for [rest, expected] in table_rows(ODD) {
+        warned(&twill(&rest.replace(r"\n", "\n")), expected);
     }
     let uncounted = "[THREADING]\n1=1\n2=2\n[LIFTPLAN]\n1=1\n2=2\n3=1,2\n";
     let draft = read(uncounted);
@@ -177,86 +155,43 @@ fn odd_but_decided_files_load_with_a_warning() {
     assert_eq!(draft.warnings.len(), 2);
 }
 
+/// What stands behind the twill, with `\n` at the ends of lines, and why it is refused.
+const UNDECIDED: &str = r"
+[WARP COLORS]\n2=3 | [WARP COLORS] 2: colour 3: there is no COLOR TABLE
+[COLOR TABLE]\n1=0,0,0\n[WEFT COLORS]\n2=3 | [WEFT COLORS] 2: colour 3: the COLOR TABLE ends at 1
+[COLOR TABLE]\n1=0,0 | [COLOR TABLE] 1: expected red,green,blue
+[COLOR PALETTE]\nRange=5,5\n[COLOR TABLE]\n1=0,0,0 | [COLOR PALETTE] Range
+[WARP]\nSpacing=1\nUnits=parsecs | [WARP] Units: expected centimeters
+[WARP]\nSpacing=nan | [WARP] SPACING: expected a number
+[WARP]\nThreads=99999999 | [WARP] Threads: expected 1 to
+[WARP]\nThreads=16384\n[WEFT]\nThreads=16384 | crossings
+[WARP]\nThreads=0 | found 0
+";
+
 #[test]
 fn undecided_files_are_refused_with_section_and_key() {
-    let all = format!("{THREADING}{TIEUP}{TREADLING}");
+    let no_tieup = format!("{THREADING}{TREADLING}");
+    let threaded = |line: &str| wif(&format!("[THREADING]\n{line}\n{TIEUP}{TREADLING}"));
+    let far = format!("{THREADING}{TIEUP}[TREADLING]\n1=5\n");
     for (text, expected) in [
         (String::new(), "not a WIF file"),
         ("garbage".to_owned(), "not a WIF file"),
-        (wif("", TIEUP), "[THREADING]: the section is missing"),
-        (wif("", THREADING), "[LIFTPLAN]: the section is missing"),
+        (wif(TIEUP), "[THREADING]: the section is missing"),
+        (wif(THREADING), "[LIFTPLAN]: the section is missing"),
+        (wif(&no_tieup), "[TIEUP]: the section is missing"),
+        (wif(&far), "[TREADLING] 1: 5 is beyond the 4"),
+        (threaded("3=x"), "[THREADING] 3: expected a whole number"),
+        (threaded("3=-1"), "[THREADING] 3: expected a whole number"),
+        (threaded("three=1"), "expected a line number"),
         (
-            wif("", &format!("{THREADING}{TREADLING}")),
-            "[TIEUP]: the section is missing",
-        ),
-        (
-            wif("", &format!("{THREADING}{TIEUP}[TREADLING]\n1=5\n")),
-            "[TREADLING] 1: 5 is beyond the 4",
-        ),
-        (
-            wif("", &format!("[THREADING]\n3=x\n{TIEUP}{TREADLING}")),
-            "[THREADING] 3: expected a whole number",
-        ),
-        (
-            wif("", &format!("[THREADING]\n3=-1\n{TIEUP}{TREADLING}")),
-            "[THREADING] 3: expected a whole number",
-        ),
-        (
-            wif("", &format!("[THREADING]\nthree=1\n{TIEUP}{TREADLING}")),
-            "expected a line number",
-        ),
-        (
-            wif("Rising Shed=perhaps", &all),
+            shed("Rising Shed=perhaps"),
             "[WEAVING] RISING SHED: expected true or false",
         ),
-        (
-            wif("", &format!("{all}[WARP COLORS]\n2=3\n")),
-            "[WARP COLORS] 2: colour 3: there is no COLOR TABLE",
-        ),
-        (
-            wif(
-                "",
-                &format!("{all}[COLOR TABLE]\n1=0,0,0\n[WEFT COLORS]\n2=3\n"),
-            ),
-            "[WEFT COLORS] 2: colour 3: the COLOR TABLE ends at 1",
-        ),
-        (
-            wif("", &format!("{all}[COLOR TABLE]\n1=0,0\n")),
-            "[COLOR TABLE] 1: expected red,green,blue",
-        ),
-        (
-            wif(
-                "",
-                &format!("{all}[COLOR PALETTE]\nRange=5,5\n[COLOR TABLE]\n1=0,0,0\n"),
-            ),
-            "[COLOR PALETTE] Range",
-        ),
-        (
-            wif("", &format!("{all}[WARP]\nSpacing=1\nUnits=parsecs\n")),
-            "[WARP] Units: expected centimeters",
-        ),
-        (
-            wif("", &format!("{all}[WARP]\nSpacing=nan\n")),
-            "[WARP] SPACING: expected a number",
-        ),
-        (
-            wif("", &format!("{all}[WARP]\nThreads=99999999\n")),
-            "[WARP] Threads: expected 1 to",
-        ),
-        (
-            wif(
-                "",
-                &format!("{all}[WARP]\nThreads=16384\n[WEFT]\nThreads=16384\n"),
-            ),
-            "crossings",
-        ),
-        (wif("", &format!("{all}[WARP]\nThreads=0\n")), "found 0"),
     ] {
-        let error = refused(&text);
-        assert!(
-            error.contains(expected),
-            "expected {expected}, found {error}"
-        );
+        assert_contains(&refused(&text), expected);
+    }
+    for [rest, expected] in table_rows(UNDECIDED) {
+        assert_contains(&refused(&twill(&rest.replace(r"\n", "\n"))), expected);
     }
 }
 
@@ -264,17 +199,13 @@ fn undecided_files_are_refused_with_section_and_key() {
 /// with `warn`; rising and sinking sheds are complements.
 #[test]
 fn drafts_in_many_dialects_load() {
-    let drafts: BTreeMap<&str, Draft> = EXAMPLES
-        .iter()
-        .map(|(name, bytes)| {
-            let draft = Draft::from_wif(bytes).unwrap_or_else(|e| panic!("{name}: {e}"));
-            assert!(
-                !name.starts_with("warn") || !draft.warnings.is_empty(),
-                "{name}"
-            );
-            (*name, draft)
-        })
-        .collect();
+    let mut drafts = BTreeMap::new();
+    for (name, bytes) in EXAMPLES {
+        let draft = Draft::from_wif(bytes).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let warns = name.starts_with("warn");
+        assert!(!warns || !draft.warnings.is_empty(), "{name}");
+        drafts.insert(name, draft);
+    }
     for name in ["liftplan", "treadles"] {
         let up = &drafts[format!("{name}_rising").as_str()];
         let down = &drafts[format!("{name}_sinking").as_str()];
@@ -315,9 +246,9 @@ proptest::proptest! {
     fn no_file_makes_the_reader_panic(
         cuts in proptest::collection::vec((0usize..400, "[0-9,=;\\[\\]A-Za-z \\n.-]{0,6}"), 0..8),
     ) {
-        let mut text = wif("", &format!(
-            "{THREADING}{TIEUP}{TREADLING}[COLOR PALETTE]\nRange=0,9\n[COLOR TABLE]\n1=1,2,3\n[WARP COLORS]\n1=1\n"
-        ));
+        let mut text = twill(
+            "[COLOR PALETTE]\nRange=0,9\n[COLOR TABLE]\n1=1,2,3\n[WARP COLORS]\n1=1\n"
+        );
         for (place, new) in cuts {
             let place = place.min(text.len());
             text.replace_range(place..(place + new.len()).min(text.len()), &new);
