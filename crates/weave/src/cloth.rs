@@ -50,6 +50,7 @@ use pills::Pill;
 use spun::Spun;
 use std::sync::Arc;
 use wear::Wear;
+use yarns::Materials;
 
 pub use borders::BorderGaps;
 pub use build::Loader;
@@ -144,6 +145,33 @@ pub struct Cloth {
 }
 
 impl Cloth {
+    /// Threads at rest without draft, pile, print and wear.
+    fn at_rest(
+        yarns: Vec<Arc<Yarn>>,
+        threads: Vec<ThreadAtRest>,
+        materials: Materials,
+        tile: Tile,
+    ) -> Cloth {
+        Cloth {
+            draft: None,
+            yarns,
+            threads,
+            materials: materials.0,
+            pile: None,
+            web: None,
+            net: None,
+            tile,
+            print: None,
+            wear: None,
+            pills: Arc::default(),
+            openings: None,
+            seed: 0,
+            compaction: 1.0,
+            compression: 0.0,
+            warnings: Vec::new(),
+        }
+    }
+
     /// The draft of the whole tile, with the colours of its threads; `None`
     /// for knits, openwork, nonwovens and imported curves.
     pub fn draft(&self) -> Option<&Draft> {

@@ -123,7 +123,7 @@ pub(super) fn check_colours(system: &str, colours: &[Rgb]) -> Result<(), Error> 
 }
 
 /// Threads that never interlace are seldom intended.
-pub(super) fn warn_of_loose_threads(draft: &Draft, warnings: &mut Vec<String>) {
+fn warn_of_loose_threads(draft: &Draft, warnings: &mut Vec<String>) {
     let floats = draft.floats();
     for (loose, all, what) in [
         (floats.loose_ends, draft.ends(), "ends"),
@@ -137,7 +137,14 @@ pub(super) fn warn_of_loose_threads(draft: &Draft, warnings: &mut Vec<String>) {
     }
 }
 
-fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Error> {
+/// The draft of a whole tile in its colours, and what to warn of. The tile holds whole repeats
+/// of `repeat` ends and picks, and at most `most` crossings, or is refused in these words.
+pub(super) fn coloured_draft(
+    fabric: &FabricGeometry,
+    load: Loader,
+    repeat: [usize; 2],
+    (most, refusal): (usize, &str),
+) -> Result<(Draft, Vec<String>), Error> {
     let draft = read_draft(&fabric.draft, load)?;
     let mut warnings = draft.warnings.clone();
     warn_of_loose_threads(&draft, &mut warnings);
@@ -146,22 +153,23 @@ fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Erro
     let warp_yarns = yarns.of_system("warp", &fabric.warp)?;
     let weft_yarns = yarns.of_system("weft", &fabric.weft)?;
     let [rx, ry] = repeats(fabric)?;
-    let [pile_ends, pile_picks] = pile::repeat(fabric);
-    let ends = lcm(threads(draft.ends(), &warp_yarns, &fabric.warp), pile_ends).saturating_mul(rx);
-    let picks = lcm(
-        threads(draft.picks(), &weft_yarns, &fabric.weft),
-        pile_picks,
-    )
-    .saturating_mul(ry);
-    if ends > MAX_THREADS || picks > MAX_THREADS || ends * picks > MAX_IN_TILE {
-        let message = format!(
-            "{ends} ends x {picks} picks in one tile are more than {MAX_IN_TILE} crossings"
-        );
+    let ends = lcm(threads(draft.ends(), &warp_yarns, &fabric.warp), repeat[0]).saturating_mul(rx);
+    let picks =
+        lcm(threads(draft.picks(), &weft_yarns, &fabric.weft), repeat[1]).saturating_mul(ry);
+    if ends > MAX_THREADS || picks > MAX_THREADS || ends * picks > most {
+        let message = format!("{ends} ends x {picks} picks {refusal}");
         return Err(Error::spec("tile.repeats", message));
     }
     let mut draft = draft.tiled(ends, picks);
     colour(&mut draft.warp, &fabric.warp.colours);
     colour(&mut draft.weft, &fabric.weft.colours);
+    Ok((draft, warnings))
+}
+
+fn woven(fabric: &FabricGeometry, load: Loader, seed: u64) -> Result<Cloth, Error> {
+    let refusal = format!("in one tile are more than {MAX_IN_TILE} crossings");
+    let (draft, warnings) =
+        coloured_draft(fabric, load, pile::repeat(fabric), (MAX_IN_TILE, &refusal))?;
     let mut cloth = match without_missing(fabric, &draft)? {
         Some((fabric, rest)) => weave(&fabric, rest, None, seed)?,
         None => weave(fabric, draft, None, seed)?,
@@ -315,23 +323,13 @@ pub(super) fn weave(
         let dye = materials.dye(&yarns[thread.yarn], thread.colour)?;
         placed.push(thread.at_rest(dye));
     }
+    let tile = tile(warp.period_mm, weft.period_mm, heights);
     Ok(Cloth {
         draft: Some(draft),
-        yarns,
-        threads: placed,
-        materials: materials.0,
-        pile: None,
-        web: None,
-        net: None,
-        tile: tile(warp.period_mm, weft.period_mm, heights),
-        seed: 0,
-        print: None,
-        wear: None,
-        pills: Arc::default(),
-        openings: None,
         compaction: fitted.compaction,
         compression: rest.relaxed.compression,
         warnings,
+        ..Cloth::at_rest(yarns, placed, materials, tile)
     })
 }
 
@@ -428,28 +426,9 @@ fn knitted(fabric: &FabricGeometry, name: &str, seed: u64) -> Result<Cloth, Erro
         });
     }
     let half = knit.depth_mm() + reach;
-    Ok(Cloth {
-        draft: None,
-        yarns,
-        threads: placed,
-        materials: materials.0,
-        pile: None,
-        web: None,
-        net: None,
-        tile: tile(
-            wales as f64 * wale_mm,
-            courses as f64 * course_mm,
-            (-half, half),
-        ),
-        seed: 0,
-        print: None,
-        wear: None,
-        pills: Arc::default(),
-        openings: None,
-        compaction: 1.0,
-        compression: 0.0,
-        warnings: Vec::new(),
-    })
+    let [width_mm, height_mm] = [wales as f64 * wale_mm, courses as f64 * course_mm];
+    let tile = tile(width_mm, height_mm, (-half, half));
+    Ok(Cloth::at_rest(yarns, placed, materials, tile))
 }
 
 fn tile(width_mm: f64, height_mm: f64, z: (f64, f64)) -> Tile {
@@ -500,7 +479,7 @@ fn whole_draft(spec: &DraftSpec, load: Loader) -> Result<Draft, Error> {
     }
 }
 
-pub(super) fn colour(threads: &mut [Thread], colours: &[Rgb]) {
+fn colour(threads: &mut [Thread], colours: &[Rgb]) {
     if !colours.is_empty() {
         for (t, c) in threads.iter_mut().zip(colours.iter().cycle()) {
             t.colour = Some(*c);

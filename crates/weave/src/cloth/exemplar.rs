@@ -1,9 +1,8 @@
 //! The exemplar cloth of a design that is made of blocks.
 
-use super::build::{check_colours, colour, read_draft, warn_of_loose_threads, weave};
-use super::repeats::{lcm, repeats, threads};
-use super::yarns::Yarns;
+use super::build::{check_colours, coloured_draft, weave};
 use super::{Cloth, Loader};
+use crate::draft::MAX_CROSSINGS;
 use crate::fit::{Fit, Threads, fit, needed_room};
 use crate::layers::Layers;
 use crate::spec::{FabricGeometry, ThreadSetSpec};
@@ -225,24 +224,8 @@ fn check(fabric: &FabricGeometry) -> Result<(), Error> {
 /// The design in its colours, and what to warn of. Distances that the draft gives become the
 /// fabric's own.
 fn design(fabric: &mut FabricGeometry, load: Loader) -> Result<(Draft, Vec<String>), Error> {
-    let draft = read_draft(&fabric.draft, load)?;
-    let mut warnings = draft.warnings.clone();
-    warn_of_loose_threads(&draft, &mut warnings);
-    let draft = draft.smallest_repeat();
-    let mut yarns = Yarns::new(&fabric.yarn);
-    let warp = yarns.of_system("warp", &fabric.warp)?;
-    let weft = yarns.of_system("weft", &fabric.weft)?;
-    let [rx, ry] = repeats(fabric)?;
-    let ends = lcm(threads(draft.ends(), &warp, &fabric.warp), 1).saturating_mul(rx);
-    let picks = lcm(threads(draft.picks(), &weft, &fabric.weft), 1).saturating_mul(ry);
-    let most = crate::draft::MAX_THREADS;
-    if ends > most || picks > most || ends * picks > crate::draft::MAX_CROSSINGS {
-        let message = format!("{ends} ends x {picks} picks are more than a design may have");
-        return Err(Error::spec("tile.repeats", message));
-    }
-    let mut draft = draft.tiled(ends, picks);
-    colour(&mut draft.warp, &fabric.warp.colours);
-    colour(&mut draft.weft, &fabric.weft.colours);
+    let most = (MAX_CROSSINGS, "are more than a design may have");
+    let (draft, mut warnings) = coloured_draft(fabric, load, [1, 1], most)?;
     for (name, threads, spec) in [
         ("warp", &draft.warp, &mut fabric.warp),
         ("weft", &draft.weft, &mut fabric.weft),

@@ -114,27 +114,11 @@ pub(super) fn imported(
         bounds_mm.min = Vec2::ZERO.extend(bounds_mm.min.z);
         bounds_mm.max = sides_mm.extend(bounds_mm.max.z);
     }
-    Ok(Cloth {
-        draft: None,
-        yarns,
-        threads,
-        materials: materials.0,
-        pile: None,
-        web: None,
-        net: None,
-        tile: Tile {
-            bounds_mm,
-            repeats: tile_mm.is_some(),
-        },
-        seed: 0,
-        print: None,
-        wear: None,
-        pills: std::sync::Arc::default(),
-        openings: None,
-        compaction: 1.0,
-        compression: 0.0,
-        warnings: Vec::new(),
-    })
+    let tile = Tile {
+        bounds_mm,
+        repeats: tile_mm.is_some(),
+    };
+    Ok(Cloth::at_rest(yarns, threads, materials, tile))
 }
 
 /// The sharpest bend between neighbouring pieces of a line, per millimetre.

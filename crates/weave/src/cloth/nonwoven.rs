@@ -326,28 +326,16 @@ fn cloth(
         });
     }
     let [width, height] = spec.tile_mm.map(|s| s as f32);
+    let tile = Tile {
+        bounds_mm: Aabb::new(
+            Vec3::new(0.0, 0.0, (low as f32).next_down()),
+            Vec3::new(width, height, (high as f32).next_up()),
+        ),
+        repeats: true,
+    };
     Ok(Cloth {
-        draft: None,
-        yarns,
-        threads,
-        materials: materials.0,
-        pile: None,
         web: Some(web),
-        net: None,
-        tile: Tile {
-            bounds_mm: Aabb::new(
-                Vec3::new(0.0, 0.0, (low as f32).next_down()),
-                Vec3::new(width, height, (high as f32).next_up()),
-            ),
-            repeats: true,
-        },
         seed,
-        print: None,
-        wear: None,
-        pills: Arc::default(),
-        openings: None,
-        compaction: 1.0,
-        compression: 0.0,
-        warnings: Vec::new(),
+        ..Cloth::at_rest(yarns, threads, materials, tile)
     })
 }

@@ -72,36 +72,21 @@ pub(super) fn build(fabric: &FabricGeometry, seed: u64) -> Result<Cloth, Error> 
     separate(&mut lines, room);
     let (mean, most, _) = overlap(&lines, room);
     let laid = threads.laid(fabric, &open, lines, &courses, seed)?;
-    let mut cloth = Cloth {
-        draft: None,
-        yarns: threads.yarns,
-        threads: laid.threads,
-        materials: laid.materials.0,
-        pile: None,
-        web: None,
-        net: Some(Net {
-            kind,
-            end_mm: open.end_mm,
-            row_mm: open.row_mm,
-            holes_per_mm2: open.holes_per_mm2(),
-            overlap: (mean, most),
-        }),
-        tile: Tile {
-            bounds_mm: Aabb::new(
-                Vec3::new(0.0, 0.0, (laid.low_mm as f32).next_down()),
-                size_mm.extend(laid.high_mm).as_vec3(),
-            ),
-            repeats: true,
-        },
-        seed: 0,
-        print: None,
-        wear: None,
-        pills: Arc::default(),
-        openings: None,
-        compaction: 1.0,
-        compression: 0.0,
-        warnings: Vec::new(),
+    let tile = Tile {
+        bounds_mm: Aabb::new(
+            Vec3::new(0.0, 0.0, (laid.low_mm as f32).next_down()),
+            size_mm.extend(laid.high_mm).as_vec3(),
+        ),
+        repeats: true,
     };
+    let mut cloth = Cloth::at_rest(threads.yarns, laid.threads, laid.materials, tile);
+    cloth.net = Some(Net {
+        kind,
+        end_mm: open.end_mm,
+        row_mm: open.row_mm,
+        holes_per_mm2: open.holes_per_mm2(),
+        overlap: (mean, most),
+    });
     cloth.warn_of_sharp_bends();
     Ok(cloth)
 }
