@@ -23,6 +23,16 @@ const FIBRE: f32 = 170.0;
 /// the gaps between the fibres of yarns in some of the phantoms, which then count as one fibre.
 const LOOKS: [(f32, f32, bool); 3] = [(0.5, 0.05, false), (0.8, 0.15, true), (1.0, 0.3, true)];
 
+fn look(blur: f32, noise: f32, seed: u64) -> PhantomLook {
+    PhantomLook {
+        air: AIR,
+        fibre: FIBRE,
+        blur,
+        noise,
+        seed,
+    }
+}
+
 /// A tile of the gauze with some air above and below.
 fn gauze(seed: u64) -> Phantom {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("gauze_{seed}.toml"));
@@ -44,13 +54,7 @@ struct Found {
 }
 
 fn found(phantom: &mut Phantom, (blur, noise, is_given): (f32, f32, bool), seed: u64) -> Found {
-    phantom.look(&PhantomLook {
-        air: AIR,
-        fibre: FIBRE,
-        blur,
-        noise,
-        seed,
-    });
+    phantom.look(&look(blur, noise, seed));
     let settings = ScanSettings {
         fibre_radius_mm: is_given.then_some(RADIUS_MM),
         fibre: is_given.then_some(FIBRE),
@@ -162,13 +166,7 @@ fn hidden_gaps_of_a_gauze_are_noticed() {
     for seed in seeds {
         let mut phantom = gauze(seed);
         for &(blur, noise, _) in looks {
-            phantom.look(&PhantomLook {
-                air: AIR,
-                fibre: FIBRE,
-                blur,
-                noise,
-                seed,
-            });
+            phantom.look(&look(blur, noise, seed));
             let settings = ScanSettings::new(DVec3::splat(VOXEL_MM.into()));
             let budget = &mut Budget::new(2 << 30);
             let survey =
