@@ -123,10 +123,8 @@ impl Table {
         let half = on_square((w_in + w_out).normalize());
         let visible = self.slice("vndf", 0, phi, theta);
         let side = (visible.len() as f64).sqrt() as usize;
-        let sums: Vec<f64> = visible
-            .chunks(side)
-            .map(|row| row.windows(2).map(|w| w[0] + w[1]).sum::<f64>())
-            .collect();
+        let sum = |row: &[f64]| row.windows(2).map(|w| w[0] + w[1]).sum::<f64>();
+        let sums: Vec<f64> = visible.chunks(side).map(sum).collect();
         let y = (half.y * (side - 1) as f64).min(side as f64 - 1.0001);
         let (k, f) = (y as usize, y.fract());
         let row: Vec<f64> = (0..side)
@@ -136,17 +134,15 @@ impl Table {
         let value = Table::square(&self.slice("rgb", channel, phi, theta), sample);
         let density = Table::square(self.values("ndf"), half)
             / (4.0 * Table::square(self.values("sigma"), on_square(w_in)));
-        let density = if mistake == Mistake::NoDensity {
-            1.0
-        } else {
-            density
+        let density = match mistake {
+            Mistake::NoDensity => 1.0,
+            _ => density,
         };
-        value * density
-            / if mistake == Mistake::NoCosine {
-                1.0
-            } else {
-                w_out.z
-            }
+        let cosine = match mistake {
+            Mistake::NoCosine => 1.0,
+            _ => w_out.z,
+        };
+        value * density / cosine
     }
 }
 
@@ -220,14 +216,10 @@ fn an_adaptive_table_holds_the_planted_brdf() {
     for name in ["vndf", "luminance"] {
         let slice = &table.values(name)[..576];
         let weight = |k: usize| if k == 0 || k == 23 { 0.5 } else { 1.0 } / 23.0;
-        let whole: f64 = slice
-            .iter()
-            .enumerate()
-            .map(|(k, v)| v * weight(k % 24) * weight(k / 24))
-            .sum();
-        assert!(
-            (whole - 1.0).abs() < 4.0 * f64::from(f32::EPSILON),
-            "{name}"
-        );
+        let nodes = slice.iter().enumerate();
+        let weighted = nodes.map(|(k, v)| v * weight(k % 24) * weight(k / 24));
+        let whole: f64 = weighted.sum();
+        let rounding = 4.0 * f64::from(f32::EPSILON);
+        assert!((whole - 1.0).abs() < rounding, "{name}");
     }
 }

@@ -117,11 +117,8 @@ fn files_hold_display_values() {
             let truth = planted(Vec2::new(column as f32, row as f32), channel);
             for (u, v) in [(0.0, 0.0), (0.6, 0.3), (-0.5, 0.7), (0.2, -0.9)] {
                 let shown = value(c, u, v) / 255.0;
-                let shown = if encoded {
-                    Rgb::linear_from_srgb(shown)
-                } else {
-                    shown
-                };
+                let decoded = Rgb::linear_from_srgb(shown);
+                let shown = if encoded { decoded } else { shown };
                 worst = worst.max((255.0 * shown - value(&truth, u, v)).abs());
             }
         }
@@ -130,10 +127,8 @@ fn files_hold_display_values() {
     // Half a step of each coefficient, and what a second degree misses of the curve of sRGB.
     assert!(worst(false, true) < 1.5, "{}", worst(false, true));
     assert!(worst(true, true) > 8.0, "rows in the wrong order pass");
-    assert!(
-        worst(false, false) > 8.0,
-        "linear values pass for display values"
-    );
+    let linear = worst(false, false);
+    assert!(linear > 8.0, "linear values pass for display values");
 }
 
 #[test]
@@ -145,11 +140,8 @@ fn residual_and_noise_are_told_apart() {
         noise: 0.0,
     });
     // A third harmonic of 8 has a deviation of 5.7 and is nearly orthogonal to the terms.
-    assert!(
-        (255.0 * clean.residual / (8.0 / 2f64.sqrt()) - 1.0).abs() < 0.1,
-        "{}",
-        clean.residual
-    );
+    let off = (255.0 * clean.residual / (8.0 / 2f64.sqrt()) - 1.0).abs();
+    assert!(off < 0.1, "{}", clean.residual);
     assert!(clean.noise < 4.0 * f64::from(f32::EPSILON));
     // A deviation of 8 over 16 paths is 2 of the mean, in 36 x 48 - 36 x 6 degrees of freedom:
     // the residual's own deviation is 2 %.
@@ -158,16 +150,11 @@ fn residual_and_noise_are_told_apart() {
         noise: 8.0,
     });
     let ratio = noisy.residual / noisy.noise;
-    assert!(
-        (255.0 * noisy.noise / 2.0 - 1.0).abs() < 0.1,
-        "seed {SEED}: {}",
-        noisy.noise
-    );
+    let off = (255.0 * noisy.noise / 2.0 - 1.0).abs();
+    assert!(off < 0.1, "seed {SEED}: {}", noisy.noise);
     // Margin: four standard errors of 0.02, and 0.02 for the fit.
-    assert!(
-        (ratio - 1.0).abs() < 4.0 * 0.02 + 0.02,
-        "seed {SEED}: {ratio}"
-    );
+    let margin = 4.0 * 0.02 + 0.02;
+    assert!((ratio - 1.0).abs() < margin, "seed {SEED}: {ratio}");
     // The known-bad twin: a ripple that is taken for noise.
     let both = measure(Sheet {
         ripple: 8.0,

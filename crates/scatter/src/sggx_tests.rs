@@ -58,10 +58,8 @@ fn both_forms_agree_with_each_other_and_with_double_precision() {
                     let q = h.length_squared() + k * t.dot(h).powi(2) / (e * e);
                     let phase = 0.25 / (std::f64::consts::PI * e * q * q * area);
                     let near = |got: f32, tolerance: f64, exact: f64| {
-                        assert!(
-                            (f64::from(got) - exact).abs() < tolerance * exact,
-                            "{axis} {end_on} {w} {v}: {got} {exact}"
-                        );
+                        let is_near = (f64::from(got) - exact).abs() < tolerance * exact;
+                        assert!(is_near, "{axis} {end_on} {w} {v}: {got} {exact}");
                     };
                     near(axial.projected_area(w), 2e-5, area);
                     near(axial.eval(w, v), 1e-4, phase);
@@ -99,10 +97,8 @@ fn the_value_straight_on_is_the_mean_around_it() {
                 })
                 .collect();
             let got = f64::from(flakes.eval(w, -w));
-            assert!(
-                (got - around.mean).abs() < 1e-4 * got,
-                "{w}: {got} {around:?}"
-            );
+            let off = (got - around.mean).abs();
+            assert!(off < 1e-4 * got, "{w}: {got} {around:?}");
         }
     }
     let axial = AxialFlake::new(Vec3::X, 0.1);
@@ -175,10 +171,8 @@ fn degenerate_matrices_stay_finite() {
         assert!(flakes.max_projected_area() > 0.0);
         for w in hard_directions(Vec3::new(0.0, 0.6, 0.8)) {
             let area = flakes.projected_area(w);
-            assert!(
-                area > 0.0 && area <= 1.0001 * flakes.max_projected_area(),
-                "{s:?} {w}"
-            );
+            let most = 1.0001 * flakes.max_projected_area();
+            assert!(area > 0.0 && area <= most, "{s:?} {w}");
             for v in hard_directions(Vec3::Z) {
                 let f = flakes.eval(w, v);
                 assert!(f.is_finite() && f >= 0.0, "{s:?} {w} {v}: {f}");
@@ -197,13 +191,8 @@ fn albedo_lobes_are_proved() {
             flakes,
             albedo: GREY,
         };
-        prove_lobe(
-            "specular",
-            &specular,
-            Vec3::new(0.6, -0.64, 0.48),
-            w_out,
-            10,
-        );
+        let pole = Vec3::new(0.6, -0.64, 0.48);
+        prove_lobe("specular", &specular, pole, w_out, 10);
         let diffuse = DiffuseFlake::meet(&flakes, GREY, w_out, &mut rng);
         prove_lobe("diffuse", &diffuse, diffuse.normal, w_out, 10);
         assert!(diffuse.normal.dot(w_out) >= -1e-6);

@@ -57,11 +57,8 @@ fn hats(w: DVec3) -> Vec<f64> {
             let step = TAU / f64::from(count);
             let apart = (turn - step * f64::from(node)).rem_euclid(TAU);
             let apart = apart.min(TAU - apart);
-            let about = if count == 1 {
-                1.0
-            } else {
-                (1.0 - apart / step).max(0.0)
-            };
+            let tent = (1.0 - apart / step).max(0.0);
+            let about = if count == 1 { 1.0 } else { tent };
             list.push(along * about);
         }
     }

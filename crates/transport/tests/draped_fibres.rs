@@ -89,32 +89,18 @@ fn a_flat_mesh_shows_the_flat_fibres() {
     };
     let flat = seen(&scene(fibres(0.0), lamps()), paths(), 1, &lifted);
     let plane = |uv: Vec2| (uv.extend(0.0), Vec3::Z);
-    let draped = scene(
-        over(
-            mesh(Vec2::splat(12.0), UVec2::splat(3), &plane),
-            fibres(0.0),
-        ),
-        lamps(),
-    );
+    let laid = |absorption: f32| {
+        let plane = mesh(Vec2::splat(12.0), UVec2::splat(3), &plane);
+        scene(over(plane, fibres(absorption)), lamps())
+    };
+    let draped = laid(0.0);
     let same = seen(&draped, paths(), 2, &down);
     let (radiance, straight) = (z(&flat.0, &same.0), z(&flat.1, &same.1));
     // Margin: four standard errors, here and below.
-    assert!(
-        radiance.abs() < 4.0,
-        "seeds 1 and 2: radiance differs by {radiance}"
-    );
-    assert!(
-        straight.abs() < 4.0,
-        "seeds 1 and 2: gaps differ by {straight}"
-    );
-    let dark = scene(
-        over(
-            mesh(Vec2::splat(12.0), UVec2::splat(3), &plane),
-            fibres(0.5),
-        ),
-        lamps(),
-    );
-    let other = z(&flat.0, &seen(&dark, paths(), 2, &down).0);
+    for (name, off) in [("radiance", radiance), ("gaps", straight)] {
+        assert!(off.abs() < 4.0, "seeds 1 and 2: {name} off by {off}");
+    }
+    let other = z(&flat.0, &seen(&laid(0.5), paths(), 2, &down).0);
     assert!(other.abs() > 8.0, "darker fibres pass with {other}");
 }
 
@@ -133,13 +119,8 @@ fn hits_are_those_of_flat_fibres() {
 
 fn hits_are_the_same(turn: Mat3, shift: Vec3) {
     let turned = |uv: Vec2| (turn * uv.extend(0.0) + shift, turn * Vec3::Z);
-    let (flat, draped) = (
-        fibres(0.0),
-        over(
-            mesh(Vec2::splat(12.0), UVec2::splat(4), &turned),
-            fibres(0.0),
-        ),
-    );
+    let mesh = mesh(Vec2::splat(12.0), UVec2::splat(4), &turned);
+    let (flat, draped) = (fibres(0.0), over(mesh, fibres(0.0)));
     let (flat, draped) = (scene(flat, Vec::new()), scene(draped, Vec::new()));
     let place = |p: Vec3| (turn * p).as_dvec3() + shift.as_dvec3();
     let mut counts = [0u32; 3];
@@ -171,14 +152,9 @@ fn hits_are_the_same(turn: Mat3, shift: Vec3) {
     // A ray that grazes a fibre within rounding may go either way: fibres are 5 um wide
     // and places off by 1e-6 mm, so a thousandth of the rays is ten times what is expected.
     assert!(counts[0] <= 5, "seed 3, {shift}: {counts:?} of {rays} rays");
-    assert!(
-        counts[1] > 500,
-        "seed 3: rays beside meet the same: {counts:?}"
-    );
-    assert!(
-        counts[2] > 2000,
-        "seed 3: too few rays meet fibres: {counts:?}"
-    );
+    let [_, beside, met] = counts;
+    assert!(beside > 500, "seed 3: rays beside meet the same: {beside}");
+    assert!(met > 2000, "seed 3: too few rays meet fibres: {met}");
 }
 
 /// Bent, stretched and sheared, fibres keep all light. The twin absorbs some.
@@ -198,38 +174,21 @@ fn a_stretched_and_bent_patch_keeps_all_light() {
         let aim = DVec3::new(0.0, 0.0, 0.3) * f64::from(rng.unit());
         (aim - 10.0 * w, w.normalize())
     };
-    let patch = |absorption| {
-        over(
-            mesh(Vec2::splat(2.0), UVec2::splat(12), &bend),
-            fibres(absorption),
-        )
+    let of_patch = |absorption| {
+        let mesh = mesh(Vec2::splat(2.0), UVec2::splat(12), &bend);
+        let patch = over(mesh, fibres(absorption));
+        let scene = scene(patch, vec![white_sky(Hemisphere::All)]);
+        seen(&scene, paths(), 5, &around)
     };
-    let (kept, straight) = seen(
-        &scene(patch(0.0), vec![white_sky(Hemisphere::All)]),
-        paths(),
-        5,
-        &around,
-    );
+    let (kept, straight) = of_patch(0.0);
     let se = kept.standard_error();
     // What the tables of the lobes are off, over some ten events.
     // Margin: half of the bound is four standard errors.
-    assert!(
-        (kept.mean - 1.0).abs() < 4.0 * se + 2e-3,
-        "seed 5: {} +- {se}",
-        kept.mean
-    );
-    assert!(
-        straight.mean < 0.9,
-        "seed 5: {} of the rays meet nothing",
-        straight.mean
-    );
-    let lossy = seen(
-        &scene(patch(0.05), vec![white_sky(Hemisphere::All)]),
-        paths(),
-        5,
-        &around,
-    )
-    .0;
+    let off = (kept.mean - 1.0).abs();
+    assert!(off < 4.0 * se + 2e-3, "seed 5: {} +- {se}", kept.mean);
+    let share = straight.mean;
+    assert!(share < 0.9, "seed 5: {share} of the rays meet nothing");
+    let (lossy, _) = of_patch(0.05);
     let bound = 1.0 - 4.0 * lossy.standard_error() - 2e-3;
     assert!(lossy.mean < bound, "the twin passes with {}", lossy.mean);
 }

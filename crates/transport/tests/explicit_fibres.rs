@@ -132,12 +132,9 @@ fn one_cylinder_keeps_the_energy_of_ray_optics() {
             .collect();
         // The lobes' own balance is kept to half a percent.
         let slack = 4.0 * energy.standard_error() + 5e-3;
-        assert!(
-            energy.mean > least - slack && energy.mean < most + slack,
-            "seed 31: {v:?}: {} +- {}",
-            energy.mean,
-            energy.standard_error()
-        );
+        let (mean, se) = (energy.mean, energy.standard_error());
+        let is_within = mean > least - slack && mean < most + slack;
+        assert!(is_within, "seed 31: {v:?}: {mean} +- {se}");
         let other = (energy.mean - (-2.0f64 * v[1]).exp() * most).abs() > slack;
         twin_rejected += u32::from(v[1] > 0.0 && other);
     }

@@ -141,17 +141,9 @@ fn furnace<M: Medium>(medium: &M) -> Moments {
 fn the_furnace_is_one_and_the_transposed_frame_is_rejected() {
     let right = furnace(&slab());
     let far = |m: &Moments| (m.mean - 1.0).abs() / m.standard_error();
-    assert!(
-        far(&right) < 4.0,
-        "seed 21: {} +- {}",
-        right.mean,
-        right.standard_error()
-    );
+    let (mean, se) = (right.mean, right.standard_error());
+    assert!(far(&right) < 4.0, "seed 21: {mean} +- {se}");
     let wrong = furnace(&TransposedFrame(slab()));
-    assert!(
-        far(&wrong) > 10.0,
-        "the twin passed: {} +- {}",
-        wrong.mean,
-        wrong.standard_error()
-    );
+    let (mean, se) = (wrong.mean, wrong.standard_error());
+    assert!(far(&wrong) > 10.0, "the twin passed: {mean} +- {se}");
 }

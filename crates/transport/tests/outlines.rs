@@ -56,13 +56,8 @@ impl MixtureSource for Stripes {
 
 fn medium(octree: &Arc<Octree>, level: u8) -> FlakeOctreeMedium {
     let optics = FlakeOptics::new(Rgb::splat(0.9), 0.1);
-    FlakeOctreeMedium::new(
-        Arc::clone(octree),
-        level,
-        vec![optics],
-        FlakeFamily::SGGX_SPECULAR,
-    )
-    .unwrap()
+    let family = FlakeFamily::SGGX_SPECULAR;
+    FlakeOctreeMedium::new(Arc::clone(octree), level, vec![optics], family).unwrap()
 }
 
 /// Straight through the slab, rays meet a stripe or a gap with the same chance:
@@ -106,10 +101,8 @@ fn gaps_of_a_slab_stay_open() {
         let near = |mean: f64| (exact / mean - 1.0).abs() < 1e-3;
         if level <= 3 {
             assert!(near(want) && p_value(want) > 1e-4, "{words}");
-            assert!(
-                !near(even) && p_value(even) < 1e-6,
-                "{words}: the twin passed"
-            );
+            let is_seen = !near(even) && p_value(even) < 1e-6;
+            assert!(is_seen, "{words}: the twin passed");
         } else {
             // Stripes are narrower than sub-cells: the twin.
             assert!(near(even) && p_value(even) > 1e-4, "{words}");
@@ -177,10 +170,8 @@ fn virtual_fibres_are_where_the_outline_has_them() {
             for (a, b) in found.iter().zip(expected.iter()) {
                 let share = a.length_density_per_mm2 / b.length_density_per_mm2;
                 // Two products of three numbers may be rounded in another order.
-                assert!(
-                    (share - 1.0).abs() < 4.0 * f32::EPSILON,
-                    "{level} {cell}: {share}"
-                );
+                let off = (share - 1.0).abs();
+                assert!(off < 4.0 * f32::EPSILON, "{level} {cell}: {share}");
                 assert_eq!((a.axis, a.yarn, a.material), (b.axis, b.yarn, b.material));
             }
         }
@@ -211,16 +202,12 @@ fn outlines_keep_all_fibre() {
             length_mm += f64::from(density * volume_mm3);
             occupied += u64::from(!mixture.is_empty());
             let bound = octree.outlined_majorant_per_mm(level, cell >> u32::from(level - outline));
-            assert!(
-                mixture.broadside_per_mm() <= bound * (1.0 + 1e-6),
-                "{level} {cell}"
-            );
+            let dense = mixture.broadside_per_mm();
+            assert!(dense <= bound * (1.0 + 1e-6), "{level} {cell}");
         }
         let all_mm = octree.fibre_length_mm(level);
-        assert!(
-            (length_mm / all_mm - 1.0).abs() < 4.0 * f64::from(f32::EPSILON),
-            "{level}: {length_mm} {all_mm}"
-        );
+        let is_whole = (length_mm / all_mm - 1.0).abs() < 4.0 * f64::from(f32::EPSILON);
+        assert!(is_whole, "{level}: {length_mm} {all_mm}");
         assert_eq!(occupied, octree.occupied_cells(outline), "level {level}");
     }
 }

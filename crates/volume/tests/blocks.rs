@@ -60,10 +60,8 @@ fn every_crossing_in_its_own_place_is_the_exemplar() {
     assert!(exemplar.level_count() > 1);
     for level in 0..exemplar.level_count() {
         assert_eq!(cloth.dims(level), exemplar.dims(level));
-        assert_eq!(
-            cloth.fibre_length_mm(level),
-            exemplar.fibre_length_mm(level)
-        );
+        let expected = exemplar.fibre_length_mm(level);
+        assert_eq!(cloth.fibre_length_mm(level), expected);
         for_each_cell(&exemplar, level, |cell| {
             assert_eq!(cloth.mixture(level, cell), exemplar.mixture(level, cell));
             let (own, other) = (&cloth, &exemplar);
@@ -114,11 +112,8 @@ fn crossings_show_their_blocks() {
     let read = |bytes: &[u8]| ovox::read(&mut &bytes[..], &mut Budget::new(1 << 30));
     assert!(read(&bytes).unwrap().octree == cloth);
     for end in (0..bytes.len()).step_by(997) {
-        assert!(
-            read(&bytes[..end]).is_err(),
-            "{end} of {} bytes",
-            bytes.len()
-        );
+        let part = read(&bytes[..end]);
+        assert!(part.is_err(), "{end} of {} bytes", bytes.len());
     }
     let little = ovox::read(&mut &bytes[..], &mut Budget::new(1000));
     assert!(little.is_err());
@@ -171,8 +166,5 @@ fn needed_parts_are_those_of_the_whole() {
         });
     }
     // Pieces that reach into the part are kept whole.
-    assert!(
-        inside > 0.0 && outside < 5.0 * inside,
-        "{inside}, {outside}"
-    );
+    assert!(inside > 0.0 && outside < 5.0 * inside, "{inside} {outside}");
 }

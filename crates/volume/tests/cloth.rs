@@ -55,11 +55,8 @@ impl SegmentSource for PlainWeave {
         let warp = yarn >= self.ends;
         let k = yarn % self.ends;
         let across = (k as f32 + 0.5) * self.spacing_mm;
-        let sign = if k.is_multiple_of(2) == warp {
-            1.0
-        } else {
-            -1.0
-        };
+        let is_over = k.is_multiple_of(2) == warp;
+        let sign = if is_over { 1.0 } else { -1.0 };
         let n = self.ends * self.steps;
         let mut rng = PathRng::new(1, u64::from(yarn), 0);
         for fibre in 0..self.fibres_per_yarn {

@@ -235,11 +235,8 @@ fn equation_18_has_the_same_mean_and_more_noise() {
     let (mut sum, mut square, mut exact_sum) = (0.0, 0.0, 0.0);
     for (cell, alternative) in cells(dims).zip(density) {
         let m = tree.mixture(0, cell);
-        let exact: f64 = m
-            .as_slice()
-            .iter()
-            .map(|c| f64::from(c.length_density_per_mm2))
-            .sum();
+        let densities = m.as_slice().iter().map(|c| c.length_density_per_mm2);
+        let exact: f64 = densities.map(f64::from).sum();
         sum += alternative * volume;
         exact_sum += exact * volume;
         square += (alternative - exact).powi(2);

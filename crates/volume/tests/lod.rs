@@ -66,10 +66,8 @@ fn light(populations: &[FibrePopulation], halves: &[Vec3]) -> Vec<[f32; 2]> {
 
 /// The baseline: one lobe with the tensor of all.
 fn averaged(populations: &[FibrePopulation]) -> FibrePopulation {
-    let total: f32 = populations
-        .iter()
-        .map(FibrePopulation::broadside_per_mm)
-        .sum();
+    let each = populations.iter().map(FibrePopulation::broadside_per_mm);
+    let total: f32 = each.sum();
     let tensor = populations.iter().fold(Sym3::default(), |s, c| {
         let along = mean_cos_sq(c.spread_rad);
         s.plus(Sym3::axial(c.axis, 0.5 * (1.0 - along), along).scaled(c.broadside_per_mm() / total))
@@ -180,25 +178,18 @@ fn a_turned_bundle_has_the_turned_mixture() {
     };
     let straight = found(Quat::IDENTITY);
     // E[theta^2] of two normal slopes of 0.1 is 0.02, that of a spread s is s^2.
-    assert!(
-        (straight.spread_rad - 0.02f32.sqrt()).abs() < 0.01,
-        "{}",
-        straight.spread_rad
-    );
+    let spread = straight.spread_rad;
+    assert!((spread - 0.02f32.sqrt()).abs() < 0.01, "{spread}");
     for k in 0..20 {
         let axis = warp::uniform_sphere(rng.unit2());
         let turn = Quat::from_axis_angle(axis, 0.4 * k as f32);
         let turned = found(turn);
         // Margin: both axes are stored, each within half of this.
-        assert!(
-            turned.axis.cross(turn * straight.axis).length() < 1.2e-3,
-            "seed 12"
-        );
+        let off = turned.axis.cross(turn * straight.axis).length();
+        assert!(off < 1.2e-3, "seed 12");
         // Margin: one step of stored spreads; none is expected.
         assert!((turned.spread_rad - straight.spread_rad).abs() < 3e-3);
-        assert!(
-            (turned.length_density_per_mm2 / straight.length_density_per_mm2 - 1.0).abs()
-                < 4.0 * f32::EPSILON
-        );
+        let ratio = turned.length_density_per_mm2 / straight.length_density_per_mm2;
+        assert!((ratio - 1.0).abs() < 4.0 * f32::EPSILON);
     }
 }

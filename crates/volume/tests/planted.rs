@@ -37,11 +37,8 @@ fn one_fibre_is_found_with_its_place_length_axis_and_no_spread() {
 #[test]
 fn two_crossed_fibres_of_one_yarn_are_two_populations() {
     for angle_deg in [40.0f32, 60.0, 90.0] {
-        let d = Vec3::new(
-            angle_deg.to_radians().cos(),
-            angle_deg.to_radians().sin(),
-            0.0,
-        );
+        let angle_rad = angle_deg.to_radians();
+        let d = Vec3::new(angle_rad.cos(), angle_rad.sin(), 0.0);
         let c = Vec3::splat(0.5);
         let fibres = vec![
             Segment::straight(c - 0.4 * Vec3::X, c + 0.4 * Vec3::X, 0.01),
@@ -179,10 +176,8 @@ fn majorants_bound_every_finest_voxel_below() {
         });
         for (c, &m) in cells(dims).zip(&most) {
             let bound = tree.majorant_per_mm(level, c);
-            assert!(
-                bound >= m * (1.0 - 1e-6) && bound <= m * (1.0 + 1e-5),
-                "{level} {c}: {bound} {m}"
-            );
+            let is_tight = bound >= m * (1.0 - 1e-6) && bound <= m * (1.0 + 1e-5);
+            assert!(is_tight, "{level} {c}: {bound} {m}");
             tight = tight.max(m);
         }
     }
@@ -193,10 +188,8 @@ fn majorants_bound_every_finest_voxel_below() {
 fn threads_do_not_change_a_bit() {
     let cloth = PlainWeave::cotton(4);
     let on = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        let pool = pool.build().unwrap();
         pool.install(|| voxelized(&cloth, 0.02, None))
     };
     assert!(on(1) == on(2) && on(1) == on(3));
@@ -233,10 +226,8 @@ fn hard_sources_are_survived_or_refused() {
     let unit = |segments| list(Vec3::ZERO, Vec3::ONE, segments);
     assert_eq!(voxelized(&unit(vec![]), 0.1, None).occupied_voxels(), 0);
     let point = Segment::straight(Vec3::splat(0.5), Vec3::splat(0.5), 0.01);
-    assert_eq!(
-        voxelized(&unit(vec![point]), 0.1, None).occupied_voxels(),
-        0
-    );
+    let none = voxelized(&unit(vec![point]), 0.1, None);
+    assert_eq!(none.occupied_voxels(), 0);
     let crowd: Vec<Segment> = (0..10_000)
         .map(|i| {
             let x = 0.5 + 1e-5 * i as f32 / 10_000.0;
@@ -251,41 +242,26 @@ fn hard_sources_are_survived_or_refused() {
     let far: Vec3 = Vec3::splat(1e4);
     let s = Segment::straight(far + Vec3::splat(0.1), far + Vec3::splat(0.9), 0.001);
     let tree = voxelized(&list(far, far + 1.0, vec![s]), 0.05, None);
-    assert!(
-        (tree.fibre_length_mm(0) / length_mm(&list(far, far + 1.0, vec![s])) - 1.0).abs() < 1e-5
-    );
+    let share = tree.fibre_length_mm(0) / length_mm(&list(far, far + 1.0, vec![s]));
+    assert!((share - 1.0).abs() < 1e-5);
     let options = VoxelizeOptions {
         voxel_mm: 0.1,
         ..VoxelizeOptions::default()
     };
-    let refused = |s: Segment| {
-        voxelize(&unit(vec![s]), &options, &unwatched)
-            .unwrap_err()
-            .to_string()
-    };
     let good = Segment::straight(Vec3::splat(0.2), Vec3::splat(0.3), 0.01);
-    assert!(
-        refused(Segment {
-            end_mm: Vec3::NAN,
-            yarn: 5,
-            ..good
-        })
-        .contains("yarn 5")
-    );
-    assert!(
-        refused(Segment {
-            end_mm: Vec3::splat(2.0),
-            ..good
-        })
-        .contains("outside the tile")
-    );
-    assert!(
-        refused(Segment {
-            end_radius_mm: -1.0,
-            ..good
-        })
-        .contains("radii")
-    );
+    let [mut endless, mut outside, mut inverted] = [good; 3];
+    (endless.end_mm, endless.yarn) = (Vec3::NAN, 5);
+    outside.end_mm = Vec3::splat(2.0);
+    inverted.end_radius_mm = -1.0;
+    for (segment, reason) in [
+        (endless, "yarn 5"),
+        (outside, "outside the tile"),
+        (inverted, "radii"),
+    ] {
+        let refused = voxelize(&unit(vec![segment]), &options, &unwatched);
+        let said = refused.unwrap_err().to_string();
+        assert!(said.contains(reason), "{said}");
+    }
     let small = VoxelizeOptions {
         max_memory_bytes: Some(1000),
         voxel_mm: 0.01,
@@ -349,11 +325,8 @@ fn full_grid(voxels: u32, yarns: u32) -> Octree {
         for yarn in 0..yarns {
             let at = |along: f32| {
                 let p = 0.01 * Vec3::new(along * voxels as f32, u, v);
-                if yarn == 0 {
-                    p
-                } else {
-                    Vec3::new(p.y, p.x, p.z)
-                }
+                let turned = Vec3::new(p.y, p.x, p.z);
+                if yarn == 0 { p } else { turned }
             };
             fibres.push(Segment {
                 yarn,

@@ -183,11 +183,7 @@ fn compare_in(
     let (mut wrong, mut grazing) = (0, 0);
     for place in 0..places {
         let mut rng = PathRng::new(seed, 0, place);
-        let u = DVec3::new(
-            f64::from(rng.unit()),
-            f64::from(rng.unit()),
-            f64::from(rng.unit()),
-        );
+        let u = DVec3::from_array([0; 3].map(|_| f64::from(rng.unit())));
         let middle = origin + u * period_mm.as_dvec3();
         let tried = Exhaustive::near(heap.strands(), origin, period, middle, 0.5 * size);
         for i in 0..rays / places {
@@ -339,17 +335,12 @@ fn lists_find_the_hits_of_copies() {
                 Err(why) => panic!("{allowed}: {why:?}"),
             }
         };
-        assert!(
-            lists.bodies[0].cells.lists.is_some(),
-            "copies fit into {allowed}"
-        );
+        let (own, all) = (&lists.bodies[0].cells, &copies.bodies[0].cells);
+        assert!(own.lists.is_some(), "copies fit into {allowed}");
         // Most cells have lists: their blocks are put together, not kept.
-        let (kept, all) = (
-            lists.bodies[0].cells.blocks.len(),
-            copies.bodies[0].cells.blocks.len(),
-        );
-        assert!(20 * kept < all, "{kept} of {all} blocks are copies");
-        assert!(lists.bodies[0].cells.memory_bytes() < copies.bodies[0].cells.memory_bytes());
+        let [kept, made] = [own, all].map(|cells| cells.blocks.len());
+        assert!(20 * kept < made, "{kept} of {made} blocks are copies");
+        assert!(own.memory_bytes() < all.memory_bytes());
         let mut met = 0;
         for i in 0..rays() {
             let mut rng = PathRng::new(seed, 0, i);

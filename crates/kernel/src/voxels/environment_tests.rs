@@ -36,10 +36,7 @@ fn lanes_see_the_picture() {
         }
         let (a, b) = (seen(&sky, w, true), image.radiance_toward(w));
         let apart = (a.0 - b.0).abs().max_element();
-        assert!(
-            apart < 2e-4 * (1.0 + b.max_component()),
-            "{w}: {a:?}, {b:?}"
-        );
+        assert!(apart < 2e-4 * (1.0 + b.max_component()), "{w}: {a:?} {b:?}");
     }
 }
 

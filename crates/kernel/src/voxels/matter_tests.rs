@@ -190,10 +190,8 @@ fn reaches_bound_what_they_hold() {
                         let beyond = inside.as_ivec3() != n;
                         let is_matter = inside.z as i32 == n.z && (cell_grid.repeats() || !beyond);
                         if is_matter {
-                            let own: f32 = medium
-                                .populations_of(number(inside))
-                                .map(|p| p.broadside_per_mm)
-                                .sum();
+                            let own = medium.populations_of(number(inside));
+                            let own: f32 = own.map(|p| p.broadside_per_mm).sum();
                             assert!(own <= bound, "{own} > {bound} at {n} from {c}");
                         }
                     }
@@ -213,13 +211,8 @@ fn tables_hold_exact_depths() {
             let (direction, irradiance) = (direction.normalize(), Rgb::WHITE);
             let extinctions = extinctions(&medium, -direction);
             let nodes = Nodes::new(&medium.cell_grid, 1, std::iter::once(&extinctions[..]));
-            let table = OpticalDepthTable::new(
-                (medium.cell_grid, None),
-                nodes,
-                direction,
-                irradiance,
-                extinctions,
-            );
+            let matter = (medium.cell_grid, None);
+            let table = OpticalDepthTable::new(matter, nodes, direction, irradiance, extinctions);
             let n = table.nodes.dims;
             for (i, &word) in table.depths.iter().enumerate() {
                 let i = i as u32;

@@ -75,10 +75,9 @@ fn chords_end_on_the_cylinder_and_transmittance_is_what_is_drawn() {
     let expected = ply.transmittance(&entry, -w_out);
     assert!(expected > 0.1 && expected < 0.9, "{expected}");
     // Four standard errors.
-    assert!(
-        (passed - expected).abs() < 4.0 * (expected * (1.0 - expected) / n as f32).sqrt(),
-        "seed 81: {passed} {expected}"
-    );
+    let se = (expected * (1.0 - expected) / n as f32).sqrt();
+    let is_near = (passed - expected).abs() < 4.0 * se;
+    assert!(is_near, "seed 81: {passed} {expected}");
 }
 
 #[test]
@@ -98,10 +97,8 @@ fn directions_are_drawn_by_their_density_and_weights_are_its_quotient() {
                 if let Some(s) = lobe.sample(w_out, &mut rng) {
                     let value = lobe.eval(w_out, s.w_in);
                     let off = (value - s.weight * s.pdf).0.abs().max_element();
-                    assert!(
-                        off <= 4.0 * f32::EPSILON * (1.0 + value.max_component()),
-                        "seed {seed}"
-                    );
+                    let most = 4.0 * f32::EPSILON * (1.0 + value.max_component());
+                    assert!(off <= most, "seed {seed}");
                 }
             }
         }
@@ -141,22 +138,16 @@ fn a_clear_ply_keeps_all_light() {
         println!("{theta} degrees: {mean:.4} +- {error:.4}");
         // The fibre's own near field keeps energy to 1 % here, walks of the table to 0.5 %.
         // Margin: the sum of both, and four standard errors.
-        assert!(
-            (mean - 1.0).abs() < 0.025 + 4.0 * error,
-            "seed {seed}: {mean} +- {error} at {theta} degrees"
-        );
+        let is_near = (mean - 1.0).abs() < 0.025 + 4.0 * error;
+        assert!(is_near, "seed {seed}: {mean} +- {error} at {theta} degrees");
     }
     let mut rng = PathRng::from_seed(90);
     let w_out = slanted(30.0);
     let (mut twin, n) = (0.0, 4000);
     for _ in 0..n {
         let event = std::iter::from_fn(|| Some(2.0 * rng.unit() - 1.0)).find_map(|h| {
-            meet(
-                &ply,
-                w_out,
-                h,
-                &mut PathRng::from_seed(u64::from(h.to_bits())),
-            )
+            let mut rng = PathRng::from_seed(u64::from(h.to_bits()));
+            meet(&ply, w_out, h, &mut rng)
         });
         let event = event.unwrap();
         let near = ply.lobe(&event).near().sample(w_out, &mut rng).unwrap();
@@ -179,10 +170,8 @@ fn a_corrected_clear_ply_keeps_all_light() {
     for (theta, seed) in [(0.0, 98), (60.0, 99)] {
         let (mean, error) = albedo(&ply, theta, seed);
         // Margin: as for the ply that is not corrected.
-        assert!(
-            (mean - 1.0).abs() < 0.025 + 4.0 * error,
-            "seed {seed}: {mean} +- {error} at {theta} degrees"
-        );
+        let is_near = (mean - 1.0).abs() < 0.025 + 4.0 * error;
+        assert!(is_near, "seed {seed}: {mean} +- {error} at {theta} degrees");
     }
     // Fibres that absorb, and a body that does not: still no more than comes.
     let (mean, error) = albedo(&corrected(0.02, correction), 30.0, 100);
@@ -190,10 +179,8 @@ fn a_corrected_clear_ply_keeps_all_light() {
     let mut twin = corrected(0.0, PlyCorrection::default());
     twin.body.scale_through(3.0);
     let (mean, error) = albedo(&twin, 0.0, 98);
-    assert!(
-        mean > 1.025 + 4.0 * error,
-        "seed 98: the twin passed, {mean}"
-    );
+    let least = 1.025 + 4.0 * error;
+    assert!(mean > least, "seed 98: the twin passed, {mean}");
 }
 
 #[test]
@@ -222,18 +209,14 @@ fn light_that_a_fibre_reflects_leaves_from_where_it_was_met() {
             let exit_mm = near.exit_mm(radius_mm, mirrored(h), &mut rng);
             // The normal is found from its angle, exact to 2e-6; the root doubles that at 0.95.
             let off = exit_mm.length() / radius_mm;
-            assert!(
-                off < 8.0 * f32::EPSILON,
-                "seed 93, {theta_deg} degrees, offset {h}: {off}"
-            );
+            let is_exact = off < 8.0 * f32::EPSILON;
+            assert!(is_exact, "seed 93, {theta_deg} degrees, offset {h}: {off}");
             // Known bad: a fibre whose axis lies on the other side of the light.
             let to_axis = frame.forward * (1.0 - h * h).sqrt() + frame.side * h;
             let normal = near.exit_normal(mirrored(h), &mut rng);
             let twin = (to_axis + normal).length();
-            assert!(
-                h == 0.0 || twin > 0.3,
-                "offset {h}: the twin passed, {twin}"
-            );
+            let is_seen = h == 0.0 || twin > 0.3;
+            assert!(is_seen, "offset {h}: the twin passed, {twin}");
         }
     }
 }

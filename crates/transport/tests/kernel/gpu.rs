@@ -104,10 +104,7 @@ fn paths_on_an_adapter_are_those_of_a_processor() {
                 near && p.mean_bounces() == q.mean_bounces() && p.yarn() == q.yarn()
             });
             let share = same.count() as f64 / own.pixels().len() as f64;
-            assert!(
-                share > expected,
-                "{name}: {share} of the paths are the same"
-            );
+            assert!(share > expected, "{name}: {share} of paths are the same");
         }
     }
     // The twin: other random numbers.
@@ -246,19 +243,13 @@ fn the_same_seed_gives_the_same_bits_however_work_is_divided() {
 /// Samples brighter than the sums of a slot hold are counted one by one.
 #[test]
 fn very_bright_samples_are_kept() {
-    let mut scene = scene(
-        AnyMedium::Grid(grid(false)),
-        sky(),
-        Projection::Perspective { fov_rad: 2.5 },
-    );
-    let lamp = {
-        let middle = scene.media[0].cell_grid().unwrap().bounds_mm().centre();
-        let corner = middle - Vec3::new(4.0, 4.0, 3.0);
-        Light::from(
-            RectangleLight::new(corner, 8.0 * Vec3::X, 8.0 * Vec3::Y, Rgb::WHITE, true).unwrap(),
-        )
-    };
-    scene.lights = vec![lamp];
+    let wide = Projection::Perspective { fov_rad: 2.5 };
+    let mut scene = scene(AnyMedium::Grid(grid(false)), sky(), wide);
+    let middle = scene.media[0].cell_grid().unwrap().bounds_mm().centre();
+    let corner = middle - Vec3::new(4.0, 4.0, 3.0);
+    let (u, v) = (8.0 * Vec3::X, 8.0 * Vec3::Y);
+    let lamp = RectangleLight::new(corner, u, v, Rgb::WHITE, true).unwrap();
+    scene.lights = vec![lamp.into()];
     let settings = settings(0..4, 3);
     let mut flat = flat_scene(&scene, &settings);
     flat = flat.with_fault(Fault::Dim(1e-4));
@@ -302,11 +293,8 @@ fn the_slab_has_the_bsdf_of_an_independent_renderer() {
     for row in rows.iter().step_by(organza_testing::sized(4, 1) as usize) {
         let direction = |theta_deg: f64, phi_deg: f64| {
             let (theta, phi) = (theta_deg.to_radians(), phi_deg.to_radians());
-            DVec3::new(
-                theta.sin() * phi.cos(),
-                theta.sin() * phi.sin(),
-                theta.cos(),
-            )
+            let sin = theta.sin();
+            DVec3::new(sin * phi.cos(), sin * phi.sin(), theta.cos())
         };
         let (w_in, w_out) = (direction(row[0], row[1]), direction(row[2], row[3]));
         let medium = GridMedium::new(
@@ -389,12 +377,8 @@ fn another_engine_goes_on_where_a_device_is_lost() {
         VoxelEngine::new(flat, Backend::widest()).unwrap(),
     );
     let bounces: f64 = whole.pixels().iter().map(|p| 4.0 * p.mean_bounces()).sum();
-    let all: f64 = rendering
-        .film()
-        .pixels()
-        .iter()
-        .map(|p| 6.0 * p.mean_bounces())
-        .sum();
+    let pixels = rendering.film().pixels().iter();
+    let all: f64 = pixels.map(|p| 6.0 * p.mean_bounces()).sum();
     assert!(all >= bounces);
 }
 
@@ -448,10 +432,7 @@ fn other_families_of_flakes_are_refused() {
         let made = Arc::new(flat_scene(&scene, &settings(0..1, 8)));
         let source = GpuEngine::source_for_voxels(&made);
         let is_refused = matches!(source, Err(Refusal::NotYet(_)));
-        assert_eq!(
-            is_refused,
-            family != FlakeFamily::SGGX_SPECULAR,
-            "{family:?}"
-        );
+        let expected = family != FlakeFamily::SGGX_SPECULAR;
+        assert_eq!(is_refused, expected, "{family:?}");
     }
 }

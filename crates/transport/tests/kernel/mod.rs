@@ -52,24 +52,17 @@ fn grid_of(repeats: bool, factor: f32) -> GridMedium {
         let high = (p.x * 2.5).powi(2) + (p.z * 6.0 - 1.2).powi(2) < 1.0;
         let inside = if low || high { 1.0 } else { 0.0 };
         density.push([inside * (5.0 + 60.0 * rng.unit() * rng.unit())]);
-        let axis = if low {
-            Vec3::new(1.0, 0.2, 0.3)
+        let (axis, own) = if low {
+            (Vec3::new(1.0, 0.2, 0.3), [0.95, 0.8, 0.6])
         } else {
-            Vec3::new(0.1, 1.0, -0.2)
+            (Vec3::new(0.1, 1.0, -0.2), [0.5, 0.9, 0.99])
         };
         sggx.push(Sym3::axial(axis.normalize(), 1.0, 0.06).to_array());
-        let own = if low {
-            [0.95, 0.8, 0.6]
-        } else {
-            [0.5, 0.9, 0.99]
-        };
         albedo.push(own.map(|a| factor * a));
     }
+    let min_mm = Vec3::new(0.1, -0.2, 0.0);
     GridMedium::new(
-        Aabb::new(
-            Vec3::new(0.1, -0.2, 0.0),
-            Vec3::new(0.1, -0.2, 0.0) + SIZE_MM,
-        ),
+        Aabb::new(min_mm, min_mm + SIZE_MM),
         repeats,
         Interpolation::Nearest,
         Grid::new(DIMS, density).unwrap(),
@@ -92,17 +85,12 @@ fn cloth_at(level: u8) -> FlakeOctreeMedium {
 }
 
 fn parallel() -> Vec<Light> {
-    [
-        (Vec3::new(0.5, 0.3, -0.8), 1.0),
-        (Vec3::new(-0.4, 0.2, 0.9), 1.5),
-    ]
-    .map(|(d, e)| {
-        Light::from(DirectionalLight::new(
-            d.normalize(),
-            Rgb::new(e, 1.0, 0.5 * e),
-        ))
-    })
-    .to_vec()
+    let of = |d: Vec3, e: f32| {
+        let irradiance = Rgb::new(e, 1.0, 0.5 * e);
+        Light::from(DirectionalLight::new(d.normalize(), irradiance))
+    };
+    let front = of(Vec3::new(0.5, 0.3, -0.8), 1.0);
+    vec![front, of(Vec3::new(-0.4, 0.2, 0.9), 1.5)]
 }
 
 fn sky() -> Vec<Light> {
@@ -371,11 +359,8 @@ fn back_ends_threads_and_passes_give_the_same_bits() {
     lights.push(pictures::picture());
     lights.append(&mut panels());
     let (above, down) = (Vec3::new(0.1, 0.2, 0.8), Vec3::NEG_Z);
-    lights.push(
-        DiscLight::new(above, down, 0.1, Rgb::WHITE, true)
-            .unwrap()
-            .into(),
-    );
+    let disc = DiscLight::new(above, down, 0.1, Rgb::WHITE, true);
+    lights.push(disc.unwrap().into());
     lights.push(SpotLight::point(above, Rgb::splat(0.02)).into());
     let scene = scene(AnyMedium::FlakeOctree(cloth()), lights, lens());
     let settings = settings(0..6, 40);

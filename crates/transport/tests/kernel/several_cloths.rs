@@ -88,6 +88,10 @@ pub(crate) fn scenes() -> Vec<(&'static str, Scene)> {
     let mut mixed = parallel();
     mixed.push(picture());
     let of_glass = scene(draped(silk_and_cotton()), sky(), lens());
+    let others = vec![cloth(false), table(-0.05, 0.1)];
+    let through = with(other(true, 0.1), others, panels());
+    let below = vec![other(true, -0.8), table(-0.9, 0.2)];
+    let above = with(draped(silk_and_cotton()), below, parallel());
     vec![
         (
             "a table",
@@ -95,23 +99,9 @@ pub(crate) fn scenes() -> Vec<(&'static str, Scene)> {
         ),
         ("light", with(cloth(false), vec![table(-0.2, 0.8)], sky())),
         ("two", with(cloth(true), vec![other(false, 0.25)], mixed)),
-        (
-            "through each other",
-            with(
-                other(true, 0.1),
-                vec![cloth(false), table(-0.05, 0.1)],
-                panels(),
-            ),
-        ),
+        ("through each other", through),
         ("bent", of_glass),
-        (
-            "bent, above a cloth and a table",
-            with(
-                draped(silk_and_cotton()),
-                vec![other(true, -0.8), table(-0.9, 0.2)],
-                parallel(),
-            ),
-        ),
+        ("bent, above a cloth and a table", above),
     ]
 }
 

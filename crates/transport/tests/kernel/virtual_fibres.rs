@@ -58,24 +58,16 @@ fn described_fibres_are_the_medium() {
             let w = warp::uniform_sphere(rng.unit2());
             let most: f32 = populations.iter().map(|p| p.broadside_per_mm).sum();
             let exact = medium.sigma_t(&site, w);
-            assert!(
-                exact <= most * (1.0 + 1e-5),
-                "seed 64: {exact}, {most} at {c}"
-            );
+            let bound = most * (1.0 + 1e-5);
+            assert!(exact <= bound, "seed 64: {exact}, {most} at {c}");
         }
         if let [only] = &populations[..] {
-            let across = only
-                .flake
-                .scaled_axis()
-                .normalize()
-                .any_orthonormal_vector();
+            let axis = only.flake.scaled_axis().normalize();
+            let across = axis.any_orthonormal_vector();
             let exact = medium.sigma_t(&site, across);
             let apart = (only.broadside_per_mm / exact - 1.0).abs();
-            assert!(
-                apart < 4.0 * f32::EPSILON,
-                "{} {exact} at {c}",
-                only.broadside_per_mm
-            );
+            let own = only.broadside_per_mm;
+            assert!(apart < 4.0 * f32::EPSILON, "{own} {exact} at {c}");
         }
         mixed += usize::from(populations.len() > 1);
     }
@@ -123,15 +115,9 @@ fn white_fibres_vanish_under_even_light() {
         ..FittedParameters::preset("gabardine").unwrap()
     };
     let white = Fibre::from(FittedFibre::new(white).unwrap());
-    let medium = cloth(
-        vec![dielectric([0.0; 3], 6.0, 10.0), white],
-        VirtualFibreEvent::Plain,
-    );
-    let scene = scene(
-        AnyMedium::VirtualFibres(medium),
-        vec![white_sky(Hemisphere::All)],
-        FLAT,
-    );
+    let fibres = vec![dielectric([0.0; 3], 6.0, 10.0), white];
+    let medium = AnyMedium::VirtualFibres(cloth(fibres, VirtualFibreEvent::Plain));
+    let scene = scene(medium, vec![white_sky(Hemisphere::All)], FLAT);
     let settings = settings(0..8 * samples(), u32::MAX);
     let (film, stats) = by_kernel(&scene, &settings);
     assert!(stats.collisions > stats.paths);

@@ -152,13 +152,8 @@ fn one_event(scene: &Scene, shares: fn(f32, f32) -> (f32, f32), n: u32, seed: u6
                 let share = shares(to.pdf, collision.pdf(w_out, to.w_in)).0;
                 let shadow = Ray::new(at, to.w_in);
                 let reach = light.distance_along(&shadow).unwrap_or(0.0);
-                let through = scene.transmittance(
-                    &shadow,
-                    reach,
-                    Integrator::Woodcock.into(),
-                    &mut rng,
-                    &mut stats,
-                );
+                let tracking = Integrator::Woodcock.into();
+                let through = scene.transmittance(&shadow, reach, tracking, &mut rng, &mut stats);
                 let scattered = collision.eval(w_out, to.w_in) * to.irradiance;
                 sum += share * through * scattered.0.x;
             }
@@ -275,10 +270,8 @@ fn rectangles_are_seen() {
     assert_eq!(seen(false, true), 0.0);
     assert_eq!(seen(true, true), 1.0);
     let skew = RectangleLight::new(Vec3::ZERO, Vec3::X, Vec3::ONE, Rgb::WHITE, false);
-    assert_eq!(
-        skew.unwrap_err().to_string(),
-        "the edges are not perpendicular"
-    );
+    let skew = skew.unwrap_err().to_string();
+    assert_eq!(skew, "the edges are not perpendicular");
     let flat = RectangleLight::new(Vec3::ZERO, Vec3::X, Vec3::X, Rgb::WHITE, false);
     assert_eq!(flat.unwrap_err().to_string(), "the edges span no area");
 }

@@ -83,10 +83,8 @@ fn corrections_share_out_light_and_make_none() {
         through_odds: 4.0,
         ..none
     });
-    assert!(
-        (total - all).abs().max_element() < 2.0 * f32::EPSILON,
-        "{total} {all}"
-    );
+    let off = (total - all).abs().max_element();
+    assert!(off < 2.0 * f32::EPSILON, "{total} {all}");
     assert!((through / total - 0.8).abs().max_element() < 4.0 * f32::EPSILON);
     let absorbing = |a: f32| PlyCorrection {
         absorption: Rgb::splat(a),

@@ -71,17 +71,13 @@ fn a_texture_keeps_the_mean_and_repeats() {
             gap += striped.gap(a, at) / READS as f32;
             let next = Footprint::point(place + Vec2::new(-6.0, 1.0));
             let moved = (striped.eval(a, b, next).0 - striped.eval(a, b, at).0).abs();
-            assert!(
-                moved.max_element() < 1e-3 * mean.max_component().max(0.1),
-                "seed 61"
-            );
+            let most = 1e-3 * mean.max_component().max(0.1);
+            assert!(moved.max_element() < most, "seed 61");
         }
         let off = (sum - mean.0).abs().max_element() / mean.max_component().max(1e-6);
         assert!(off < 4.0 * f32::EPSILON, "seed 61: {a} {b}: {off}");
-        assert!(
-            (gap - plain.gap(a, Footprint::FAR)).abs() < 4.0 * f32::EPSILON,
-            "seed 61: {gap}"
-        );
+        let off = (gap - plain.gap(a, Footprint::FAR)).abs();
+        assert!(off < 4.0 * f32::EPSILON, "seed 61: {gap}");
     }
     // It is no copy of the mean: the left is 1.8 times as red, the right a fifth.
     let w = Vec3::Z;
@@ -97,12 +93,8 @@ fn a_texture_keeps_the_mean_and_repeats() {
         ..wide
     };
     let off = |share: f32| (striped.eval(w, w, nearly(share)).0.x / mean - 1.0).abs();
-    assert!(
-        off(0.99) < 0.06 && off(0.8) > 3.0 * off(0.99),
-        "{} {}",
-        off(0.99),
-        off(0.8)
-    );
+    let (near, far) = (off(0.99), off(0.8));
+    assert!(near < 0.06 && far > 3.0 * near, "{near} {far}");
 }
 
 /// Dark places whose images would be negative add little light to the mean.
@@ -143,14 +135,10 @@ fn a_texture_makes_no_light() {
             without += mean(&twin) / f32::from(PAIRS);
         }
         let [mean, most] = made;
-        assert!(
-            mean.abs() < mean_error && most < largest,
-            "seed 62: {mean}, {most}"
-        );
-        assert!(
-            without > 5.0 * mean_error,
-            "seed 62: the twin makes {without}"
-        );
+        let is_kept = mean.abs() < mean_error && most < largest;
+        assert!(is_kept, "seed 62: {mean}, {most}");
+        let least = 5.0 * mean_error;
+        assert!(without > least, "seed 62: the twin makes {without}");
     }
 }
 
@@ -174,12 +162,8 @@ fn samples_of_a_texture_bring_its_light() {
             }
             let error = drawn.standard_error().hypot(even.standard_error());
             let z = (drawn.mean - even.mean) / error;
-            assert!(
-                z.abs() < 4.5,
-                "seed 71: {w} at {x}: {} for {}",
-                drawn.mean,
-                even.mean
-            );
+            let (mean, expected) = (drawn.mean, even.mean);
+            assert!(z.abs() < 4.5, "seed 71: {w} at {x}: {mean} for {expected}");
             // Samples without the texture would not.
             let twin = drawn.mean / f64::from(striped.ratio(w, w, at).0.x.max(0.05));
             let z = (twin - even.mean) / error;

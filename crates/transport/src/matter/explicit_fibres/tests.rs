@@ -94,22 +94,14 @@ fn the_walk_finds_what_trying_every_piece_finds() {
             if nearest.is_some_and(|n| n.cosine < 0.02) {
                 continue;
             }
-            assert_eq!(
-                got.is_some(),
-                nearest.is_some(),
-                "seed 12, {i}: {got:?} {nearest:?}"
-            );
-            assert_eq!(
-                got.is_some(),
-                traced.blocks(&ray, limit, &mut stats),
-                "seed 12, {i}"
-            );
+            let is_met = nearest.is_some();
+            assert_eq!(got.is_some(), is_met, "seed 12, {i}: {got:?} {nearest:?}");
+            let is_blocked = traced.blocks(&ray, limit, &mut stats);
+            assert_eq!(got.is_some(), is_blocked, "seed 12, {i}");
             if let (Some(t), Some(nearest)) = (got, nearest) {
                 let apart = (t - nearest.distance_mm).abs() * nearest.cosine;
-                assert!(
-                    apart < 1e-3 * nearest.radius_mm,
-                    "seed 12, {i}: {t} {nearest:?}"
-                );
+                let most = 1e-3 * nearest.radius_mm;
+                assert!(apart < most, "seed 12, {i}: {t} {nearest:?}");
                 assert!(!traced.blocks(&ray, t - 1e-4, &mut stats), "seed 12, {i}");
                 hits += 1;
             }
@@ -123,14 +115,8 @@ fn everything(fibres: &ExplicitFibres) -> Exhaustive<'_> {
     let (grid, strands) = (&fibres.cell_grid, fibres.curves.strands());
     let size = grid.bounds_mm().size().truncate().as_dvec2();
     let period_mm = if grid.repeats() { size } else { DVec2::ZERO };
-    let (origin, middle) = (fibres.origin_mm, grid.bounds_mm().centre());
-    Exhaustive::near(
-        strands,
-        origin.as_dvec3(),
-        period_mm,
-        middle.as_dvec3(),
-        1.5,
-    )
+    let [origin, middle] = [fibres.origin_mm, grid.bounds_mm().centre()].map(|p| p.as_dvec3());
+    Exhaustive::near(strands, origin, period_mm, middle, 1.5)
 }
 
 /// From outside no ray gets to the axis of a fibre without having entered, and
@@ -183,11 +169,8 @@ fn offsets_are_those_of_the_cylinder_and_exits_lie_on_it() {
         let frame = FibreFrame::new(hit.tangent, -d);
         // t x d is the side that offsets count toward.
         let side = Vec3::Y.dot(frame.side);
-        assert!(
-            (hit.offset - h * side).abs() < 32.0 * f32::EPSILON,
-            "{h}: {}",
-            hit.offset
-        );
+        let off = (hit.offset - h * side).abs();
+        assert!(off < 32.0 * f32::EPSILON, "{h}: {}", hit.offset);
         let mut rng = PathRng::from_seed(14);
         for _ in 0..50 {
             let w_in = warp::uniform_sphere(rng.unit2());
@@ -243,15 +226,11 @@ fn what_cannot_be_traced_is_refused() {
     for s in &mut source.segments {
         (s.start_radius_mm, s.end_radius_mm) = (0.0, -1.0);
     }
-    assert_eq!(
-        fail(&source, fitted(), None),
-        Some(ExplicitFibresError::Empty)
-    );
+    let found = fail(&source, fitted(), None);
+    assert_eq!(found, Some(ExplicitFibresError::Empty));
     source.segments.clear();
-    assert_eq!(
-        fail(&source, fitted(), None),
-        Some(ExplicitFibresError::Empty)
-    );
+    let found = fail(&source, fitted(), None);
+    assert_eq!(found, Some(ExplicitFibresError::Empty));
 }
 
 /// A fibre whose material changes along it, as by a print, has each material where the source

@@ -88,6 +88,15 @@ fn parameters(twist_rad_per_mm: f32) -> PlyParameters {
     }
 }
 
+fn made(
+    source: &SegmentList,
+    parameters: PlyParameters,
+    max_memory_bytes: Option<u64>,
+) -> Result<Plies, PliesError> {
+    let (plies, fibres) = ([Some(parameters)], vec![fibre()]);
+    Plies::new(source, &plies, fibres, max_memory_bytes, &unwatched)
+}
+
 fn as_ply(parameters: PlyParameters, repeats: bool) -> Plies {
     let reach = if repeats { 1.0 } else { 1.0001 };
     let end = Vec3::X * HALF_LENGTH_MM * reach;
@@ -95,14 +104,7 @@ fn as_ply(parameters: PlyParameters, repeats: bool) -> Plies {
     let at = |k: i32| -end + 2.0 * end * (k as f32 / 60.0);
     let segments = (0..60).map(|k| Segment::straight(at(k), at(k + 1), even_mm()));
     let source = in_tile(repeats, segments.collect());
-    Plies::new(
-        &source,
-        &[Some(parameters)],
-        vec![fibre()],
-        None,
-        &unwatched,
-    )
-    .unwrap()
+    made(&source, parameters, None).unwrap()
 }
 
 /// Reflected and transmitted light of each channel, of light on the width of a ply.
@@ -244,14 +246,7 @@ fn what_cannot_be_plies_is_refused() {
             fibres,
             ..parameters(0.0)
         };
-        Plies::new(
-            &source,
-            &[Some(parameters)],
-            vec![fibre()],
-            memory,
-            &unwatched,
-        )
-        .err()
+        made(&source, parameters, memory).err()
     };
     assert_eq!(make(10.0, None), None);
     assert_eq!(make(0.0, None), Some(PliesError::Ply(0)));
