@@ -11,9 +11,8 @@ use crate::fibres::walk::Walk;
 use crate::fibres::work::{FilmWork, Work};
 use crate::refusal::Refusal;
 use organza_film::Stats;
-use organza_lanes::Backend;
-use organza_lanes::Floats;
 use organza_lanes::dispatch::{Job, dispatch_sixteen};
+use organza_lanes::{Backend, Floats};
 use std::sync::Arc;
 
 /// Walks explicit fibres on a processor.

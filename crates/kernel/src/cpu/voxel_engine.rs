@@ -11,9 +11,8 @@ use crate::voxels::scattering::Scattering;
 use crate::voxels::virtual_fibres::VirtualFibres;
 use crate::voxels::walk::walk;
 use organza_film::Stats;
-use organza_lanes::Backend;
-use organza_lanes::Floats;
 use organza_lanes::dispatch::{Job, dispatch_widest};
+use organza_lanes::{Backend, Floats};
 use std::sync::Arc;
 
 /// Walks voxels on a processor.

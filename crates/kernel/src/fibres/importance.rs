@@ -125,11 +125,8 @@ fn beam(light: &Light, from_mm: Vec3) -> Option<Beam> {
         hemisphere,
     } = light.for_kernel()
     {
-        let sides = if hemisphere == Hemisphere::All {
-            2.0
-        } else {
-            1.0
-        };
+        let is_whole = hemisphere == Hemisphere::All;
+        let sides = if is_whole { 2.0 } else { 1.0 };
         return Some(Beam {
             toward: Vec3::Z,
             irradiance: sides * PI * radiance.mean(),
@@ -163,10 +160,8 @@ mod tests {
     use organza_light::{DirectionalLight, EnvironmentLight, RectangleLight};
 
     fn sun(direction: Vec3, irradiance: f32) -> Light {
-        Light::from(DirectionalLight::new(
-            direction.normalize(),
-            Rgb::WHITE * irradiance,
-        ))
+        let (direction, irradiance) = (direction.normalize(), Rgb::WHITE * irradiance);
+        Light::from(DirectionalLight::new(direction, irradiance))
     }
 
     fn sky() -> Light {
@@ -181,18 +176,13 @@ mod tests {
             let v = |v: Vec3| V3::<one::F>::splat(v);
             made.of_lamps(v(Vec3::X), v(d.normalize())).0
         };
-        assert!(
-            (of(toward) - LAMP).abs() < 4.0 * f32::EPSILON,
-            "{}",
-            of(toward)
-        );
+        let found = of(toward);
+        assert!((found - LAMP).abs() < 4.0 * f32::EPSILON, "{found}");
         // Around the fibre and still on the cone; and off the cone.
         let behind = Vec3::new(toward.x, -toward.y, -toward.z);
-        assert!(
-            (of(behind) - LAMP / 9.0).abs() < 4.0 * f32::EPSILON,
-            "{}",
-            of(behind)
-        );
+        let found = of(behind);
+        let off = (found - LAMP / 9.0).abs();
+        assert!(off < 4.0 * f32::EPSILON, "{found}");
         assert!(of(toward + 0.9 * Vec3::X) < 6e-4 * LAMP);
         for end in [Vec3::X, -Vec3::X] {
             assert!(of(end).is_finite(), "along the fibre");
@@ -223,21 +213,13 @@ mod tests {
     #[test]
     fn a_small_panel_is_a_beam() {
         let (corner, side_mm) = (Vec3::new(-0.1, -0.1, 10.0), 0.2);
-        let panel = RectangleLight::new(
-            corner,
-            side_mm * Vec3::X,
-            side_mm * Vec3::Y,
-            Rgb::splat(3.0),
-            true,
-        );
+        let (u, v) = (side_mm * Vec3::X, side_mm * Vec3::Y);
+        let panel = RectangleLight::new(corner, u, v, Rgb::splat(3.0), true);
         let found = beam(&Light::from(panel.unwrap()), Vec3::ZERO).unwrap();
         let expected = 3.0 * side_mm * side_mm / 100.0;
         // The mean of the inverse square of the distance and of the cosine is 1e-4 less.
-        assert!(
-            (found.irradiance / expected - 1.0).abs() < 2e-4,
-            "{}",
-            found.irradiance
-        );
+        let ratio = found.irradiance / expected;
+        assert!((ratio - 1.0).abs() < 2e-4, "{}", found.irradiance);
         assert!(found.toward.z > 0.9999 && found.length > 0.9999);
     }
 }

@@ -4,8 +4,7 @@ use super::copies::mitre_mm;
 use super::strands::{Joint, Strand, Strands};
 use glam::Vec3;
 use organza_lanes::math::V3;
-use organza_lanes::prefetch;
-use organza_lanes::{Floats, Ints, vector_of, word_of};
+use organza_lanes::{Floats, Ints, prefetch, vector_of, word_of};
 use rayon::prelude::*;
 
 /// Words of a joint.

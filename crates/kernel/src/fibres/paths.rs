@@ -32,6 +32,16 @@ pub enum State {
     Ended,
 }
 
+impl State {
+    /// Of a path that sets out: on its way where its ray has one.
+    pub fn of_ray<R>(ray: &Option<R>) -> State {
+        match ray {
+            Some(_) => State::Flying,
+            None => State::Left,
+        }
+    }
+}
+
 /// The paths of a wave.
 pub struct Paths {
     pub state: [State; WAVE],

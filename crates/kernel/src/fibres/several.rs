@@ -141,11 +141,8 @@ pub fn meet_plane(
         paths.state[slot] = State::Ended;
         return;
     }
-    put(
-        &mut paths.throughput,
-        slot,
-        Vec3::new(on.x.0, on.y.0, on.z.0),
-    );
+    let onward = Vec3::new(on.x.0, on.y.0, on.z.0);
+    put(&mut paths.throughput, slot, onward);
     put(&mut paths.direction, slot, w_in);
     paths.pdf[slot] = pdf;
     paths.drawn_at_mm[slot] = at_mm.as_vec3();

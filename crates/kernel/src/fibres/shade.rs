@@ -91,12 +91,8 @@ pub fn shade<F: Floats>(
     let event = Event::new(optics, material, (there.frame, there.offset), mask);
     let tangent = there.frame.tangent;
     let mut radius_mm = there.out_mm.dot(there.out_mm).sqrt();
-    if shading
-        .matter
-        .packed
-        .as_ref()
-        .is_some_and(|p| p.starts_at_entry)
-    {
+    let part = shading.matter.packed.as_ref();
+    if part.is_some_and(|p| p.starts_at_entry) {
         radius_mm = F::splat(0.0);
         axis_at = axis_at + there.out_mm;
     }
@@ -155,11 +151,8 @@ pub fn shade<F: Floats>(
     };
     let absorbed = absorbed.or_where_not(mask, load(&paths.absorbed, first));
     store(&mut paths.absorbed, first, absorbed);
-    store(
-        &mut paths.throughput,
-        first,
-        carried.or_where_not(survives, arrived),
-    );
+    let carried = carried.or_where_not(survives, arrived);
+    store(&mut paths.throughput, first, carried);
     let turned = own.world(turn.direction);
     let turned = turned.or_where_not(survives, direction);
     store(&mut paths.direction, first, turned);
@@ -253,11 +246,7 @@ fn go_onward(shading: &Shading<'_>, paths: &mut Paths, slot: usize, start: Vec3,
         // Its random numbers are the slot's, which the walk hands over.
         let way = (&from, toward, f32::INFINITY);
         let ray = packed_ray(shading.matter, part, paths, slot, way, [0; 3]);
-        paths.state[slot] = if ray.is_some() {
-            State::Flying
-        } else {
-            State::Left
-        };
+        paths.state[slot] = State::of_ray(&ray);
         paths.in_volume[slot] = true;
         paths.volume_rays[slot] = ray.unwrap_or(VolumeRay::none());
         return;
@@ -273,11 +262,7 @@ fn go_onward(shading: &Shading<'_>, paths: &mut Paths, slot: usize, start: Vec3,
         return;
     }
     let ray = ray(shading.matter, &from, toward, f32::INFINITY);
-    paths.state[slot] = if ray.is_some() {
-        State::Flying
-    } else {
-        State::Left
-    };
+    paths.state[slot] = State::of_ray(&ray);
     paths.rays[slot] = ray.unwrap_or(CellRay::none());
     paths.rays[slot].prepare_head(shading.matter);
 }

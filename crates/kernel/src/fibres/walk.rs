@@ -314,11 +314,7 @@ impl Walk<'_> {
                 let start_mm = origin_mm + e.distance_mm * direction;
                 part.volume.ray_from_world(start_mm, &departure)
             });
-            paths.state[slot] = if ray.is_some() {
-                State::Flying
-            } else {
-                State::Left
-            };
+            paths.state[slot] = State::of_ray(&ray);
             paths.volume_rays[slot] = ray.unwrap_or(VolumeRay::none());
             return;
         }
@@ -326,11 +322,7 @@ impl Walk<'_> {
         let ray = entry.and_then(|e| CellRay::new(grid, &e.at, way, e.min_mm, e.end_mm));
         paths.rays[slot] = ray.unwrap_or(CellRay::none());
         paths.rays[slot].prepare_head(self.matter);
-        paths.state[slot] = if ray.is_some() {
-            State::Flying
-        } else {
-            State::Left
-        };
+        paths.state[slot] = State::of_ray(&ray);
     }
 
     fn end(

@@ -52,11 +52,9 @@ pub fn add_bodies<'a>(
     for body in matter.bodies.iter() {
         bodies.extend(body_words(body, middle_mm, &mut tetrahedra, tables)?);
     }
-    let planes: Vec<u32> = matter
-        .planes
-        .iter()
-        .flat_map(|plane| plane_words(plane, middle_mm))
-        .collect();
+    let planes = matter.planes.iter();
+    let planes = planes.flat_map(|plane| plane_words(plane, middle_mm));
+    let planes: Vec<u32> = planes.collect();
     numbers.whole("body_count", matter.bodies.len() as u32);
     numbers.whole("bodies_table", tables.add(bodies));
     numbers.whole("tetrahedra_table", tables.add(tetrahedra));
@@ -98,11 +96,8 @@ fn body_words<'a>(
         if count >= MOST_TETRAHEDRA as usize || fullest > Some(MOST_IN_BOX) {
             return Err(Refusal::NotYet("a mesh of so many faces"));
         }
-        let boxes: Vec<u32> = shell
-            .boxes
-            .iter()
-            .flat_map(|b| box_words(b, before))
-            .collect();
+        let boxes = shell.boxes.iter().flat_map(|b| box_words(b, before));
+        let boxes: Vec<u32> = boxes.collect();
         words[24] = tables.add(boxes);
         words[25] = shell.boxes.len() as u32;
         for tetrahedron in &shell.tetrahedra {

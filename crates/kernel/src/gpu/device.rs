@@ -62,10 +62,8 @@ impl Device {
     /// [`Refusal::Unopened`].
     pub fn open(adapter: &Adapter) -> Result<Device, Refusal> {
         let has = adapter.limits();
-        let binding_bytes = has
-            .max_storage_buffer_binding_size
-            .min(has.max_buffer_size)
-            .min(u64::from(u32::MAX));
+        let most = has.max_buffer_size.min(u64::from(u32::MAX));
+        let binding_bytes = has.max_storage_buffer_binding_size.min(most);
         let is_software = kind(adapter) == DeviceKind::Software;
         let own = OWN_BUFFERS + u32::from(is_software);
         let most = has.max_buffers_and_acceleration_structures_per_shader_stage;

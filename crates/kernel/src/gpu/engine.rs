@@ -57,11 +57,8 @@ impl GpuEngine {
                 "spots, discs and very near rectangles beside voxels",
             ));
         }
-        GpuEngine::new(
-            || voxel_scene::program_scene(scene),
-            scene.memory_bytes(),
-            division,
-        )
+        let program = || voxel_scene::program_scene(scene);
+        GpuEngine::new(program, scene.memory_bytes(), division)
     }
 
     /// The same for a scene of explicit fibres.
@@ -72,11 +69,8 @@ impl GpuEngine {
         scene: &Arc<FibreScene>,
         division: Option<Division>,
     ) -> Result<GpuEngine, Refusal> {
-        GpuEngine::new(
-            || fibre_scene::program_scene(scene),
-            scene.memory_bytes(),
-            division,
-        )
+        let program = || fibre_scene::program_scene(scene);
+        GpuEngine::new(program, scene.memory_bytes(), division)
     }
 
     /// The source of the program for a scene of voxels, on an adapter with common limits.
@@ -239,10 +233,8 @@ impl Engine for GpuEngine {
         let mut all = Vec::new();
         let mut first = block.samples.start;
         while first < block.samples.end {
-            let end = block
-                .samples
-                .end
-                .min(first.saturating_add(SAMPLES_PER_SLOT));
+            let most = first.saturating_add(SAMPLES_PER_SLOT);
+            let end = block.samples.end.min(most);
             all.push(self.take_some(&mut session, block, [first, end])?);
             first = end;
         }

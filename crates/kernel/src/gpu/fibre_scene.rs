@@ -101,11 +101,9 @@ pub fn program_scene(scene: &Arc<FibreScene>) -> Result<ProgramScene<'_>, Refusa
     numbers.three("sky_behind", lights.environment[0]);
     numbers.three("sky_before", lights.environment[1]);
     numbers.whole("sky_count", lights.pictures.len() as u32);
-    let skies: Vec<u32> = lights
-        .pictures
-        .iter()
-        .flat_map(|image| sky_words(image, &mut tables))
-        .collect();
+    let skies = lights.pictures.iter();
+    let skies = skies.flat_map(|image| sky_words(image, &mut tables));
+    let skies: Vec<u32> = skies.collect();
     let lamps = skies.chunks(SKY_WORDS).map(|sky| sky[13]);
     numbers.whole("lamp_count", lamps.sum());
     numbers.whole("skies_table", tables.add(skies));

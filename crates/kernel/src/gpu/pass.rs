@@ -141,11 +141,8 @@ impl Session {
     /// Writes numbers and tables, so much at a time that the copies on the way stay small.
     fn upload(&self, scene: &ProgramScene<'_>, split: &Split) -> Result<(), Lost> {
         let queue = &self.device.queue;
-        queue.write_buffer(
-            &self.scene_numbers,
-            0,
-            bytemuck::cast_slice(scene.numbers.words()),
-        );
+        let numbers = bytemuck::cast_slice(scene.numbers.words());
+        queue.write_buffer(&self.scene_numbers, 0, numbers);
         let (mut outcome, mut on_the_way) = (Ok(()), 0);
         scene.tables.for_each_piece(split, |buffer, first, words| {
             for (i, chunk) in words.chunks((CHUNK_BYTES / 4) as usize).enumerate() {
@@ -190,10 +187,8 @@ impl Session {
         let Some(sums) = &self.sums else {
             return Err(no_sums());
         };
-        let mut encoder = self
-            .device
-            .device
-            .create_command_encoder(&Default::default());
+        let device = &self.device.device;
+        let mut encoder = device.create_command_encoder(&Default::default());
         encoder.clear_buffer(&self.lane_states, 0, None);
         encoder.clear_buffer(&self.control, 0, None);
         let sums_bytes = SLOT_BYTES * u64::from(numbers.slots);
@@ -280,10 +275,8 @@ impl Session {
         bytes: u64,
         out: &mut Vec<u32>,
     ) -> Result<(), Lost> {
-        let mut encoder = self
-            .device
-            .device
-            .create_command_encoder(&Default::default());
+        let device = &self.device.device;
+        let mut encoder = device.create_command_encoder(&Default::default());
         encoder.copy_buffer_to_buffer(from, at, by, 0, bytes);
         self.device.queue.submit([encoder.finish()]);
         let (send, receive) = mpsc::channel();

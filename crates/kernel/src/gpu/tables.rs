@@ -117,10 +117,8 @@ impl<'a> Tables<'a> {
             words_per_buffer: limits.words_per_buffer(),
             words: [self.all.words.max(QUAD), self.large.words],
         };
-        let is_addressed = split
-            .words
-            .iter()
-            .all(|&words| words <= u64::from(u32::MAX));
+        let mut counts = split.words.iter();
+        let is_addressed = counts.all(|&words| words <= u64::from(u32::MAX));
         if split.buffers().len() > limits.table_buffers as usize || !is_addressed {
             let most = split.words_per_buffer * u64::from(limits.table_buffers);
             let words = split.words.iter().sum::<u64>();

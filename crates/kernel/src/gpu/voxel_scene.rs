@@ -68,20 +68,15 @@ pub fn program_scene(scene: &Arc<FlatScene>) -> Result<ProgramScene<'_>, Refusal
     numbers.number("residual_scale", scene.residual_scale);
     numbers.whole("depths_table", tables.add(&scene.depths));
     numbers.whole("light_count", scene.lights.len() as u32);
-    let lights: Vec<u32> = scene
-        .lights
-        .iter()
-        .flat_map(|light| light_words(light, &mut tables))
-        .collect();
+    let lights = scene.lights.iter();
+    let lights = lights.flat_map(|light| light_words(light, &mut tables));
+    let lights: Vec<u32> = lights.collect();
     numbers.whole("lights_table", tables.add(lights));
     numbers.three("sky_behind", scene.environment[0]);
     numbers.three("sky_before", scene.environment[1]);
     numbers.whole("sky_count", scene.skies.len() as u32);
-    let skies: Vec<u32> = scene
-        .skies
-        .iter()
-        .flat_map(|sky| sky_words(sky, &mut tables))
-        .collect();
+    let skies = scene.skies.iter();
+    let skies: Vec<u32> = skies.flat_map(|sky| sky_words(sky, &mut tables)).collect();
     numbers.whole("skies_table", tables.add(skies));
 
     let mut parts = vec![
@@ -132,11 +127,8 @@ fn light_words<'a>(light: &'a OpticalDepthTable, tables: &mut Tables<'a>) -> [u3
     put(&mut words, 0, light.to_light);
     words[3] = light.residual_floor.to_bits();
     put(&mut words, 4, light.irradiance.0);
-    match light
-        .placed
-        .as_ref()
-        .and_then(|placed| placed.panel.as_ref())
-    {
+    let placed = light.placed.as_ref();
+    match placed.and_then(|placed| placed.panel.as_ref()) {
         None => words[8] = tables.add_numbers(&light.extinction_per_mm),
         // Toward the points of a panel there is no table.
         Some(panel) => {

@@ -6,8 +6,8 @@ use super::flat_scene::FlatScene;
 use super::mirrors::ellipsoid;
 use super::voxel_words::VoxelWords;
 use glam::Vec3;
+use organza_lanes::Floats;
 use organza_lanes::math::{LaneRng, V3, on_sphere};
-use organza_lanes::{Floats, Ints};
 use organza_scatter::AxialFlake;
 use std::f32::consts::FRAC_1_PI;
 
@@ -25,12 +25,7 @@ impl<F: Floats> Event<F> for DiffuseFlakes<F> {
     }
 
     #[inline(always)]
-    fn new(
-        scene: &FlatScene,
-        met: &Meeting<F>,
-        rng: &mut LaneRng<F::Ints>,
-        mask: <F::Ints as Ints>::Mask,
-    ) -> Self {
+    fn new(scene: &FlatScene, met: &Meeting<F>, rng: &mut LaneRng<F::Ints>, mask: F::Mask) -> Self {
         let flakes = AxialFlake::about(met.voxel.axis(), met.voxel.end_on());
         let per_area = F::splat(1.0) / flakes.area(met.w_out);
         let [turns, height, _] = rng.units(mask);
@@ -54,12 +49,7 @@ impl<F: Floats> Event<F> for DiffuseFlakes<F> {
     }
 
     #[inline(always)]
-    fn turn(
-        &self,
-        _scene: &FlatScene,
-        rng: &mut LaneRng<F::Ints>,
-        mask: <F::Ints as Ints>::Mask,
-    ) -> Turn<F> {
+    fn turn(&self, _scene: &FlatScene, rng: &mut LaneRng<F::Ints>, mask: F::Mask) -> Turn<F> {
         let [turns, height, u] = rng.units(mask);
         // A unit vector plus a uniform one has a cosine around the first.
         let w_in = self.normal + on_sphere(turns, height);

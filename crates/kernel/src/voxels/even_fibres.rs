@@ -34,14 +34,11 @@ pub fn tables(medium: &FlatMedium, fibres: &[Fibre]) -> Result<FibreTables, Refu
     let tables = FibreTables::new(used());
     let (thickness, of_tangents) = medium.thickness_and_variance();
     let is_even = |weights: &EventWeights| {
-        let variance = weights.variance + of_tangents;
-        are_even(
-            EventWeights {
-                variance,
-                ..*weights
-            },
-            thickness,
-        )
+        let weights = EventWeights {
+            variance: weights.variance + of_tangents,
+            ..*weights
+        };
+        are_even(weights, thickness)
     };
     if !tables.weights.iter().all(is_even) {
         return Err(Refusal::Skewed);

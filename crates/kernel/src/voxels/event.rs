@@ -3,8 +3,8 @@
 
 use super::flat_scene::FlatScene;
 use super::voxel_words::VoxelWords;
+use organza_lanes::Floats;
 use organza_lanes::math::{LaneRng, V3};
-use organza_lanes::{Floats, Ints};
 
 /// Matter that lanes met, and how.
 pub struct Meeting<F: Floats> {
@@ -33,12 +33,7 @@ pub trait Event<F: Floats>: Sized {
     fn area_squared(scene: &FlatScene, voxel: VoxelWords<F::Ints>, along: F, across: F) -> F;
 
     /// The event of the lanes of a mask.
-    fn new(
-        scene: &FlatScene,
-        met: &Meeting<F>,
-        rng: &mut LaneRng<F::Ints>,
-        mask: <F::Ints as Ints>::Mask,
-    ) -> Self;
+    fn new(scene: &FlatScene, met: &Meeting<F>, rng: &mut LaneRng<F::Ints>, mask: F::Mask) -> Self;
 
     /// What all light is multiplied by, wherever it comes from.
     fn common(&self) -> V3<F>;
@@ -48,10 +43,5 @@ pub trait Event<F: Floats>: Sized {
     fn toward(&self, scene: &FlatScene, w_in: V3<F>) -> (F, V3<F>);
 
     /// Draws where light comes from.
-    fn turn(
-        &self,
-        scene: &FlatScene,
-        rng: &mut LaneRng<F::Ints>,
-        mask: <F::Ints as Ints>::Mask,
-    ) -> Turn<F>;
+    fn turn(&self, scene: &FlatScene, rng: &mut LaneRng<F::Ints>, mask: F::Mask) -> Turn<F>;
 }

@@ -204,11 +204,8 @@ impl Row {
             let mut tents = Vec::with_capacity(azimuths);
             for k in 0..azimuths {
                 // The tents at both ends are split between the signs.
-                let signs = if k == 0 || k == azimuths - 1 {
-                    1.0
-                } else {
-                    2.0
-                };
+                let is_end = k == 0 || k == azimuths - 1;
+                let signs = if is_end { 1.0 } else { 2.0 };
                 let exact = lobe(p, k as f32 * step);
                 let wanted = [0, 1, 2].map(|c| (exact[c] + missed[c] / signs).max(0.0));
                 let code = colour_code(wanted);

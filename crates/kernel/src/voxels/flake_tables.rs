@@ -82,10 +82,8 @@ mod tests {
                     let exact = tables.scattering.area(&upright(end_on), w);
                     let lanes = [along, across, end_on].map(one::F);
                     let code = one::U(code);
-                    let got = tables
-                        .area_squared(code, lanes[0], lanes[1], lanes[2])
-                        .0
-                        .sqrt();
+                    let squared = tables.area_squared(code, lanes[0], lanes[1], lanes[2]);
+                    let got = squared.0.sqrt();
                     assert!(got <= 1.0, "{family:?}: {got}");
                     worst = worst.max((got - exact).abs());
                     twin = twin.max(((end_on * end_on * along + across).sqrt() - exact).abs());

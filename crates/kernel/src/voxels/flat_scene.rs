@@ -138,11 +138,9 @@ impl FlatScene {
             Scatterers::Flakes(_) => FibreTables::none(),
             Scatterers::Fibres(all) => even_fibres::tables(&medium, all)?,
         };
-        let extinctions: Vec<Vec<f32>> = groups
-            .direct
-            .iter()
-            .map(|light| extinctions(&medium, -light.direction))
-            .collect();
+        let directions = groups.direct.iter().map(|light| light.direction);
+        let extinctions = directions.map(|direction| extinctions(&medium, -direction));
+        let extinctions: Vec<Vec<f32>> = extinctions.collect();
         // Lights with a place are wide: a fine table toward their middles would be no better.
         let nodes = Nodes::new(&cell_grid, tables, extinctions.iter().map(Vec::as_slice));
         check_words(&groups, &nodes, &fibres)?;
@@ -178,11 +176,8 @@ impl FlatScene {
 
     /// Bytes of the matter and tables.
     pub fn memory_bytes(&self) -> u64 {
-        let tables: u64 = self
-            .lights
-            .iter()
-            .map(OpticalDepthTable::memory_bytes)
-            .sum();
+        let tables = self.lights.iter().map(OpticalDepthTable::memory_bytes);
+        let tables: u64 = tables.sum();
         let skies: u64 = self.skies.iter().map(Sky::memory_bytes).sum();
         let matter = self.medium.memory_bytes() + self.fibres.memory_bytes();
         matter + skies + tables + 4 * self.depths.len() as u64
@@ -247,13 +242,8 @@ fn optical_depth_tables(
     let tables = lights.into_iter().zip(extinctions);
     let tables = tables.map(|(light, extinctions)| {
         let (direction, irradiance) = (light.direction, light.irradiance);
-        let mut table = OpticalDepthTable::new(
-            (*cell_grid, medium.blocks.clone()),
-            nodes,
-            direction,
-            irradiance,
-            extinctions,
-        );
+        let matter = (*cell_grid, medium.blocks.clone());
+        let mut table = OpticalDepthTable::new(matter, nodes, direction, irradiance, extinctions);
         table.residual_floor = match &light.placed {
             // Near light the guess is often far off.
             Some(placed) if placed.panel.is_none() => 1.0,

@@ -6,8 +6,7 @@ use super::voxel_words::VoxelWords;
 use super::walk::{Paths, add_lights_in_sight, stored};
 use crate::block::Block;
 use glam::Vec3;
-use organza_film::Stats;
-use organza_film::{Sample, Tally};
+use organza_film::{Sample, Stats, Tally};
 use organza_lanes::math::{LaneRng, V3, pixel_key};
 use organza_lanes::{Floats, Ints, MAX_LANES, Mask, SetBits};
 

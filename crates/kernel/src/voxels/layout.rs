@@ -247,11 +247,8 @@ pub fn check_range(cell_grid: &CellGrid, max_per_mm: f32, min_per_mm: f32) -> Re
     const STEP: f32 = 1.0 / (1 << 24) as f32;
     const MAX_ERROR: f32 = 5e-4;
     let size_mm = cell_grid.bounds_mm().size();
-    let way_mm = if cell_grid.repeats() {
-        size_mm.z
-    } else {
-        size_mm.length()
-    };
+    let repeats = cell_grid.repeats();
+    let way_mm = if repeats { size_mm.z } else { size_mm.length() };
     let depth = max_per_mm * way_mm;
     let is_kept = |error: f32| error <= MAX_ERROR;
     let is_thin_kept = min_per_mm == f32::INFINITY

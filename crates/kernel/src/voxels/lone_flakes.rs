@@ -49,12 +49,7 @@ impl<F: Floats> Event<F> for LoneFlakes<F> {
     }
 
     #[inline(always)]
-    fn new(
-        scene: &FlatScene,
-        met: &Meeting<F>,
-        rng: &mut LaneRng<F::Ints>,
-        mask: <F::Ints as Ints>::Mask,
-    ) -> Self {
+    fn new(scene: &FlatScene, met: &Meeting<F>, rng: &mut LaneRng<F::Ints>, mask: F::Mask) -> Self {
         let (axis, w_out) = (stored(met.voxel.axis()), stored(met.w_out));
         let albedo = stored::<F>(scene.medium.albedo_at(met.place));
         let (mut end_on, mut materials) = ([0.0; MAX_LANES], [0; MAX_LANES]);
@@ -104,12 +99,7 @@ impl<F: Floats> Event<F> for LoneFlakes<F> {
     }
 
     #[inline(always)]
-    fn turn(
-        &self,
-        scene: &FlatScene,
-        rng: &mut LaneRng<F::Ints>,
-        mask: <F::Ints as Ints>::Mask,
-    ) -> Turn<F> {
+    fn turn(&self, scene: &FlatScene, rng: &mut LaneRng<F::Ints>, mask: F::Mask) -> Turn<F> {
         let mut directions = [[0.0; MAX_LANES], [0.0; MAX_LANES], [1.0; MAX_LANES]];
         let mut weights = [[0.0; MAX_LANES]; 3];
         if let Some(scattering) = scattering(scene) {

@@ -27,7 +27,7 @@ impl<F: Floats> Event<F> for Mirrors<F> {
         scene: &FlatScene,
         met: &Meeting<F>,
         _rng: &mut LaneRng<F::Ints>,
-        _mask: <F::Ints as Ints>::Mask,
+        _mask: F::Mask,
     ) -> Self {
         let flakes = AxialFlake::about(met.voxel.axis(), met.voxel.end_on());
         Mirrors {
@@ -51,12 +51,7 @@ impl<F: Floats> Event<F> for Mirrors<F> {
     }
 
     #[inline(always)]
-    fn turn(
-        &self,
-        _scene: &FlatScene,
-        rng: &mut LaneRng<F::Ints>,
-        mask: <F::Ints as Ints>::Mask,
-    ) -> Turn<F> {
+    fn turn(&self, _scene: &FlatScene, rng: &mut LaneRng<F::Ints>, mask: F::Mask) -> Turn<F> {
         let [turns, height, u] = rng.units(mask);
         Turn {
             direction: self.flakes.mirror(self.w_out, self.per_area, turns, height),

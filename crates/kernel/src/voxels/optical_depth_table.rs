@@ -12,8 +12,7 @@ use super::placed_light::PlacedLight;
 use super::shadow_ray::ShadowRay;
 use super::voxel_walk::VoxelWalk;
 use glam::{IVec2, IVec3, UVec3, Vec3};
-use organza_basis::CellGrid;
-use organza_basis::Rgb;
+use organza_basis::{CellGrid, Rgb};
 use organza_lanes::math::V3;
 use organza_lanes::{Floats, Ints};
 use rayon::prelude::*;
@@ -141,10 +140,8 @@ pub fn depth<F: Floats>(depths: &[u32], lights: usize, light: usize, corners: &C
 
 /// The words of all lights side by side: those of a node are one look-up.
 pub fn side_by_side(lights: &mut [OpticalDepthTable]) -> Vec<u32> {
-    let tables: Vec<Vec<u32>> = lights
-        .iter_mut()
-        .map(|light| std::mem::take(&mut light.depths))
-        .collect();
+    let tables = lights.iter_mut().map(|light| &mut light.depths);
+    let tables: Vec<Vec<u32>> = tables.map(std::mem::take).collect();
     let mut words = vec![0; tables.iter().map(Vec::len).sum()];
     let nodes = words.par_chunks_exact_mut(tables.len().max(1)).enumerate();
     nodes.for_each(|(node, out)| {

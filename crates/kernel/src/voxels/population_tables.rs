@@ -124,23 +124,17 @@ fn variance(spread: f64, rule: &[(f64, f64)]) -> f64 {
         let moment = |power: i32| {
             over_polar_angles(spread, beta, rule, |polar| {
                 let (sin, cos) = polar.sin_cos();
+                // The rule holds the Gaussian already.
+                let held = match is_wide {
+                    true => gaussian(polar, spread),
+                    false => 1.0,
+                };
                 let seen = (0..AZIMUTHS).map(|k| {
                     let (s, c) = ((k as f64 + 0.5) / AZIMUTHS as f64 * PI).sin_cos();
                     let (a, b, y) = (sine * cos, cosine * sin * c, sin * s);
                     let both = (a - b).hypot(y) + (a + b).hypot(y);
-                    let height = if is_wide {
-                        gaussian(polar, spread)
-                    } else {
-                        1.0
-                    };
-                    (0.5 * both / (sine + polar) * height).powi(power)
+                    (0.5 * both / (sine + polar) * held).powi(power)
                 });
-                // The rule holds the Gaussian already.
-                let held = if is_wide {
-                    gaussian(polar, spread)
-                } else {
-                    1.0
-                };
                 seen.sum::<f64>() / AZIMUTHS as f64 * (sine + polar) / held
             })
         };

@@ -156,11 +156,8 @@ fn spread_maximum(cell_grid: &CellGrid, values: &mut Vec<u8>, by: usize) {
     for axis in 0..3 {
         let wraps = cell_grid.repeats() && axis < 2;
         // Beyond the border there is the other side, or nothing more.
-        let by = if wraps {
-            by % n[axis]
-        } else {
-            by.min(n[axis] - 1)
-        };
+        let count = n[axis];
+        let by = if wraps { by % count } else { by.min(count - 1) };
         let shifted = |i: usize, forth: bool| match (wraps, forth) {
             (true, true) => (i + by) % n[axis],
             (true, false) => (i + n[axis] - by) % n[axis],

@@ -42,12 +42,7 @@ impl<F: Floats> Event<F> for VirtualFibres<F> {
     }
 
     #[inline(always)]
-    fn new(
-        scene: &FlatScene,
-        met: &Meeting<F>,
-        rng: &mut LaneRng<F::Ints>,
-        mask: <F::Ints as Ints>::Mask,
-    ) -> Self {
+    fn new(scene: &FlatScene, met: &Meeting<F>, rng: &mut LaneRng<F::Ints>, mask: F::Mask) -> Self {
         let number = scene.medium.substance_at(met.place);
         Self::meet(&scene.fibres, number, met, rng, mask)
     }
@@ -64,12 +59,7 @@ impl<F: Floats> Event<F> for VirtualFibres<F> {
     }
 
     #[inline(always)]
-    fn turn(
-        &self,
-        scene: &FlatScene,
-        rng: &mut LaneRng<F::Ints>,
-        mask: <F::Ints as Ints>::Mask,
-    ) -> Turn<F> {
+    fn turn(&self, scene: &FlatScene, rng: &mut LaneRng<F::Ints>, mask: F::Mask) -> Turn<F> {
         self.sample(&scene.fibres, rng, mask)
     }
 }
@@ -122,7 +112,7 @@ impl<F: Floats> VirtualFibres<F> {
         number: F::Ints,
         met: &Meeting<F>,
         rng: &mut LaneRng<F::Ints>,
-        mask: <F::Ints as Ints>::Mask,
+        mask: F::Mask,
     ) -> Self {
         let one = F::splat(1.0);
         let head = Head::new(tables, number);
@@ -228,7 +218,7 @@ impl<F: Floats> VirtualFibres<F> {
         &self,
         tables: &FibreTables,
         rng: &mut LaneRng<F::Ints>,
-        mask: <F::Ints as Ints>::Mask,
+        mask: F::Mask,
     ) -> Turn<F> {
         let (word, one) = (F::Ints::splat, F::splat(1.0));
         let [of_chances, u_lobe, of_scale] = rng.units(mask);
@@ -239,10 +229,8 @@ impl<F: Floats> VirtualFibres<F> {
         // The lobe, at the inclination of the way, kept from the end by the blur.
         let [r, tt, rest] = self.head.inverse_blurs;
         let blur = F::splat(0.5) / r;
-        let drawing = blur
-            .mul_add(blur, self.cos_out * self.cos_out)
-            .min(one)
-            .sqrt();
+        let blurred = blur.mul_add(blur, self.cos_out * self.cos_out);
+        let drawing = blurred.min(one).sqrt();
         let chances = self.row(drawing, of_chances).gather(&tables.words);
         let first = (chances & word(0xffff)).to_floats();
         let two = chances.shr::<16>().to_floats();

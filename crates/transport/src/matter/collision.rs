@@ -22,6 +22,9 @@ pub struct Collision<'a> {
     stretch: Option<Mat3>,
 }
 
+/// What a ray meets first, if anything.
+pub(crate) type Met<'a> = Option<Collision<'a>>;
+
 /// The site of any matter, by value, so that a collision allocates nothing.
 pub(crate) enum AnySite<'a> {
     Grid(MediumSite<'a, GridMedium>),

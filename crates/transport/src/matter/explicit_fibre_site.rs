@@ -1,6 +1,6 @@
 //! Explicit fibres as a ray meets them.
 
-use crate::matter::collision::{AnySite, Collision};
+use crate::matter::collision::{AnySite, Collision, Met};
 use crate::matter::ray_target::{Query, RayTarget};
 use crate::matter::site::Site;
 use crate::{ExplicitFibres, FibreHit, SiteInfo, Stats};
@@ -29,12 +29,7 @@ impl RayTarget for ExplicitFibres {
         true
     }
 
-    fn collide(
-        &self,
-        query: Query<'_>,
-        _rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> Option<Collision<'_>> {
+    fn collide(&self, query: Query<'_>, _rng: &mut PathRng, stats: &mut Stats) -> Met<'_> {
         let (ray, limit) = (query.ray, query.reach_mm);
         if let Some(over) = query.over {
             let met = self.first_draped_hit(over, ray, limit, stats)?;

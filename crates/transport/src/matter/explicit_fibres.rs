@@ -193,10 +193,8 @@ impl ExplicitFibres {
             return Ok(matter.with_fibres(&self.fibres));
         }
         let matter = self.laid_out(max_bytes)?;
-        Ok(self
-            .in_cells
-            .get_or_init(|| matter)
-            .with_fibres(&self.fibres))
+        let matter = self.in_cells.get_or_init(|| matter);
+        Ok(matter.with_fibres(&self.fibres))
     }
 
     fn laid_out(&self, max_bytes: u64) -> Result<FibreMatter, Unfit> {

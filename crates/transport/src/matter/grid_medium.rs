@@ -67,11 +67,8 @@ impl GridMedium {
         })?;
         check_definite(&sggx)?;
         check_extinction(&sigma_t_per_mm, &sggx)?;
-        let flakes: Vec<Sggx> = sggx
-            .data
-            .iter()
-            .map(|&s| Sggx::new(Sym3::from_array(s)))
-            .collect();
+        let flakes = sggx.data.iter().map(|&s| Sggx::new(Sym3::from_array(s)));
+        let flakes: Vec<Sggx> = flakes.collect();
         let s = Grid {
             dims: sggx.dims,
             data: flakes.iter().map(|f| f.matrix().to_array()).collect(),
@@ -141,13 +138,8 @@ impl GridMedium {
     /// Extinction at unit projected area in 1/mm, matrix and albedo of a cell. Only
     /// for grids that are [piecewise constant](Medium::is_piecewise_constant).
     pub fn values_of(&self, cell: UVec3) -> (f32, Sym3, Rgb) {
-        let in_grid = |dims: UVec3| {
-            if dims == UVec3::ONE {
-                UVec3::ZERO
-            } else {
-                cell
-            }
-        };
+        // Of one cell throughout, or as many as the extinction.
+        let in_grid = |dims: UVec3| cell.min(dims - 1);
         (
             self.sigma_t_per_mm.at(cell)[0],
             Sym3::from_array(*self.s.at(in_grid(self.s.dims))),

@@ -4,7 +4,7 @@
 //! fibres: a path changes where it leaves a fibre, and never back. Light at an event
 //! arrives through what the event is with.
 
-use crate::matter::collision::Collision;
+use crate::matter::collision::Met;
 use crate::matter::level_choice::Tracking;
 use crate::matter::ray_target::{Query, RayTarget};
 use crate::{ExplicitFibres, Stats, VirtualFibreEvent, VirtualFibreMedium};
@@ -88,12 +88,7 @@ impl RayTarget for HybridFibres {
         self.explicit.walk_bytes()
     }
 
-    fn collide(
-        &self,
-        query: Query<'_>,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> Option<Collision<'_>> {
+    fn collide(&self, query: Query<'_>, rng: &mut PathRng, stats: &mut Stats) -> Met<'_> {
         self.met_by(&query.tracking).collide(query, rng, stats)
     }
 

@@ -1,17 +1,14 @@
 //! A cloth in several representations: volumes from fine to coarse, and last a
 //! sheet.
 
-use crate::AnyMedium;
-use crate::PixelCone;
-use crate::Stats;
-use crate::matter::collision::{AnySite, Collision};
+use crate::matter::collision::{AnySite, Collision, Met};
 use crate::matter::draping::Draping;
 use crate::matter::level_choice::{Detail, LevelSteps};
 use crate::matter::ray_target::{Query, RayTarget};
 use crate::matter::sheet::SheetSite;
+use crate::{AnyMedium, PixelCone, Stats};
 use glam::{DVec3, UVec3, Vec2, Vec3};
-use organza_basis::CellGrid;
-use organza_basis::{Aabb, Frame, PathRng, Ray};
+use organza_basis::{Aabb, CellGrid, Frame, PathRng, Ray};
 use organza_mesh::Shell;
 use organza_scatter::Surface;
 use std::sync::Arc;
@@ -158,12 +155,7 @@ impl RayTarget for LevelledCloth {
         volumes.fold(0, u64::saturating_add)
     }
 
-    fn collide(
-        &self,
-        query: Query<'_>,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> Option<Collision<'_>> {
+    fn collide(&self, query: Query<'_>, rng: &mut PathRng, stats: &mut Stats) -> Met<'_> {
         if let Some(volume) = self.volume(query.tracking.detail) {
             let over = self.draping.as_ref();
             return volume.target().collide(Query { over, ..query }, rng, stats);

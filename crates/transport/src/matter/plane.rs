@@ -1,6 +1,6 @@
 //! Planes as the general walk meets them.
 
-use crate::matter::collision::{AnySite, Collision};
+use crate::matter::collision::{AnySite, Collision, Met};
 use crate::matter::ray_target::{Query, RayTarget};
 use crate::matter::site::Site;
 use crate::{Plane, SiteInfo, Stats};
@@ -28,12 +28,7 @@ impl RayTarget for Plane {
         true
     }
 
-    fn collide(
-        &self,
-        query: Query<'_>,
-        _rng: &mut PathRng,
-        _stats: &mut Stats,
-    ) -> Option<Collision<'_>> {
+    fn collide(&self, query: Query<'_>, _rng: &mut PathRng, _stats: &mut Stats) -> Met<'_> {
         let ray = query.ray;
         let t = hit(self, ray, query.reach_mm)?;
         let site = PlaneSite {

@@ -14,7 +14,7 @@ mod tests;
 
 use super::explicit_fibre_site::ExplicitFibreSite;
 use super::explicit_fibres::{Found, PlyEntry};
-use crate::matter::collision::{AnySite, Collision};
+use crate::matter::collision::{AnySite, Collision, Met};
 use crate::matter::draping::Draping;
 use crate::matter::ray_target::{Query, RayTarget};
 use crate::matter::site::Site;
@@ -183,12 +183,7 @@ impl RayTarget for Plies {
         true
     }
 
-    fn collide(
-        &self,
-        query: Query<'_>,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> Option<Collision<'_>> {
+    fn collide(&self, query: Query<'_>, rng: &mut PathRng, stats: &mut Stats) -> Met<'_> {
         let (ray, limit, over) = (query.ray, query.reach_mm, query.over);
         let mut gone = 0.0f64;
         for _ in 0..MAX_PASSED {

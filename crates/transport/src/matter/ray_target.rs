@@ -1,6 +1,6 @@
 //! What the walk asks of any matter, once for a ray.
 
-use crate::matter::collision::{AnySite, Collision};
+use crate::matter::collision::{AnySite, Collision, Met};
 use crate::matter::draping::{Draping, find, pass_through};
 use crate::matter::level_choice::Tracking;
 use crate::matter::site::MediumSite;
@@ -32,12 +32,7 @@ pub(crate) trait RayTarget: Sync {
     fn is_piecewise_constant(&self) -> bool;
 
     /// The first collision that a query finds.
-    fn collide(
-        &self,
-        query: Query<'_>,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> Option<Collision<'_>>;
+    fn collide(&self, query: Query<'_>, rng: &mut PathRng, stats: &mut Stats) -> Met<'_>;
 
     /// Estimates the transmittance along a query.
     fn pass(&self, query: Query<'_>, rng: &mut PathRng, stats: &mut Stats) -> f32;
@@ -84,12 +79,7 @@ impl<M: SceneMedium> RayTarget for M {
         Medium::is_piecewise_constant(self)
     }
 
-    fn collide(
-        &self,
-        query: Query<'_>,
-        rng: &mut PathRng,
-        stats: &mut Stats,
-    ) -> Option<Collision<'_>> {
+    fn collide(&self, query: Query<'_>, rng: &mut PathRng, stats: &mut Stats) -> Met<'_> {
         let (ray, integrator) = (query.ray, query.tracking.integrator);
         if let Some(over) = query.over {
             let found = over.collide(self, ray, query.reach_mm, integrator, rng, stats);

@@ -68,13 +68,8 @@ impl VirtualFibreMedium {
         fibres: Vec<Fibre>,
         event: VirtualFibreEvent,
     ) -> Option<VirtualFibreMedium> {
-        VirtualFibreMedium::with_factors(
-            octree.into(),
-            level,
-            fibres,
-            event,
-            PackingFactors::of_octree,
-        )
+        let factors = PackingFactors::of_octree;
+        VirtualFibreMedium::with_factors(octree.into(), level, fibres, event, factors)
     }
 
     /// The same with other packing factors, by material, than those of the octree.
@@ -103,11 +98,8 @@ impl VirtualFibreMedium {
                 (factors(&octree, level), reach)
             }
         };
-        let pad = if octree.repeats() {
-            IVec3::new(0, 0, reach.z)
-        } else {
-            reach
-        };
+        let upright = IVec3::new(0, 0, reach.z);
+        let pad = if octree.repeats() { upright } else { reach };
         let margin_mm = pad.as_vec3() * voxel_mm;
         let inner = octree.bounds_mm();
         let cell_grid = CellGrid::new(

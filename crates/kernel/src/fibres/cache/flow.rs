@@ -149,11 +149,8 @@ impl Flow {
                 let light = whole + flowing[bin] * (light - whole);
                 Vec3::select(is_known(carried), light / carried, radiance[bin])
             };
-            let next: Vec<Vec3> = (0..radiance.len())
-                .into_par_iter()
-                .with_min_len(BINS)
-                .map(one)
-                .collect();
+            let bins = (0..radiance.len()).into_par_iter().with_min_len(BINS);
+            let next: Vec<Vec3> = bins.map(one).collect();
             let (mut change, mut all) = (0.0, 0.0);
             for ((a, b), sums) in radiance.iter().zip(&next).zip(&self.sums) {
                 let light = |q: Vec3| f64::from((q * sums.carried).element_sum());

@@ -250,12 +250,8 @@ fn widest_on_fibre(matter: &FibreMatter, pixel_mm: f64) -> Option<usize> {
     let lengths: Vec<f64> = some.filter_map(|joint| joints.length_mm(joint)).collect();
     let piece_mm = lengths.iter().sum::<f64>() / lengths.len().max(1) as f64;
     let radius_mm = |body: &Body| body.cells.mean_radius_mm;
-    let width_mm = 2.0
-        * matter
-            .bodies
-            .iter()
-            .map(radius_mm)
-            .fold(f64::INFINITY, f64::min);
+    let radii_mm = matter.bodies.iter().map(radius_mm);
+    let width_mm = 2.0 * radii_mm.fold(f64::INFINITY, f64::min);
     let most_mm = (PIXELS * pixel_mm).min(WIDTHS * width_mm);
     let length_mm = |level: &Level| piece_mm * f64::from(level.at as i32 - PIECE_BITS).exp2();
     let is_seen = lengths.len() > 1 && width_mm > THIN * pixel_mm;

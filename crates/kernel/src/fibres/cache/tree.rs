@@ -191,11 +191,8 @@ impl RadianceTree {
 
     /// What is read.
     pub fn table(&self) -> RadianceTable {
-        let entries: Vec<Vec<Entry>> = self
-            .shards
-            .par_iter()
-            .map(|s| s.entries(self.least))
-            .collect();
+        let entries = self.shards.par_iter().map(|s| s.entries(self.least));
+        let entries: Vec<Vec<Entry>> = entries.collect();
         RadianceTable::new(&entries.concat())
     }
 }
@@ -441,22 +438,16 @@ mod tests {
             Box::new(move |place| table.radiance(place, levels))
         });
         let error = right.standard_error();
-        assert!(
-            right.mean.abs() < 4.0 * error,
-            "seed {SEED}: {} +- {error}",
-            right.mean
-        );
+        let mean = right.mean;
+        assert!(mean.abs() < 4.0 * error, "seed {SEED}: {mean} +- {error}");
         assert!(error < 0.004, "{error}");
         let twin = gains(|tree| {
             let table = tree.table_of_all();
             Box::new(move |place| table.radiance(place, levels))
         });
         let error = twin.standard_error();
-        assert!(
-            twin.mean.abs() > 4.0 * error,
-            "seed {SEED}, twin: {} +- {error}",
-            twin.mean
-        );
+        let is_seen = twin.mean.abs() > 4.0 * error;
+        assert!(is_seen, "seed {SEED}, twin: {} +- {error}", twin.mean);
     }
 
     /// Bins between which there is only noise agree, and a bright place next to them stays bright.
@@ -515,10 +506,8 @@ mod tests {
         for x in 0..512 {
             let bin = table.find(&Place::on_a_line(x), levels).unwrap();
             let (radiance, noise) = (table.radiance_of(bin), table.noise_of(bin));
-            assert!(
-                radiance == Vec3::ZERO && noise == 0.0,
-                "seed {SEED}, {x}: {radiance} {noise}"
-            );
+            let is_dark = radiance == Vec3::ZERO && noise == 0.0;
+            assert!(is_dark, "seed {SEED}, {x}: {radiance} {noise}");
         }
     }
 
@@ -556,20 +545,13 @@ mod tests {
     fn bins_keep_to_their_bytes() {
         let mut rng = PathRng::from_seed(SEED);
         let some: Vec<_> = (0..50_000).map(|_| Some(arrival(&mut rng))).collect();
-        let mut tree = RadianceTree::new(
-            super::super::place::LINE,
-            SPLIT,
-            40 * SHARDS as u64 * BIN_BYTES,
-        );
+        let most = 40 * SHARDS as u64 * BIN_BYTES;
+        let mut tree = RadianceTree::new(super::super::place::LINE, SPLIT, most);
         tree.learn(&some);
         let bins: usize = tree.shards.iter().map(|s| s.bins.len()).sum();
         assert!(bins <= 40 * SHARDS && bins > 40, "{bins}");
-        let taken: u32 = tree
-            .shards
-            .iter()
-            .flat_map(|s| &s.bins)
-            .map(|b| b.sums.count)
-            .sum();
+        let bins = tree.shards.iter().flat_map(|s| &s.bins);
+        let taken: u32 = bins.map(|b| b.sums.count).sum();
         assert_eq!(taken, 50_000);
     }
 

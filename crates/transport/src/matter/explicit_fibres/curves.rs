@@ -52,10 +52,8 @@ pub(crate) fn count_joints(source: &dyn SegmentSource) -> u64 {
         });
         joints
     };
-    (0..source.batch_count())
-        .into_par_iter()
-        .map(in_batch)
-        .sum()
+    let batches = (0..source.batch_count()).into_par_iter();
+    batches.map(in_batch).sum()
 }
 
 impl Curves {

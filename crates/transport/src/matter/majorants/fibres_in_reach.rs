@@ -6,10 +6,8 @@ use organza_basis::FibrePopulation;
 
 /// Sum of the broadside extinctions: a bound for every direction.
 pub fn broadside_per_mm(populations: &[FibrePopulation]) -> f32 {
-    populations
-        .iter()
-        .map(FibrePopulation::broadside_per_mm)
-        .sum()
+    let each = populations.iter().map(FibrePopulation::broadside_per_mm);
+    each.sum()
 }
 
 /// The densest population in a block of voxels and around it.

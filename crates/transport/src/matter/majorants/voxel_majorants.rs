@@ -156,10 +156,7 @@ mod tests {
                 }
                 let bound = majorants.at(p);
                 assert!(bound >= expected, "seed 31, {p}: {bound}, {expected}");
-                assert!(
-                    bound <= 1.05 * expected,
-                    "seed 31, {p}: {bound}, {expected}"
-                );
+                assert!(bound <= 1.05 * expected, "seed 31, {p}: {bound} {expected}");
             }
         }
     }
