@@ -236,11 +236,8 @@ impl Normals {
 
     /// Density of the normals that are visible from a direction, on the square.
     fn visible(&self, w: DVec3) -> BilinearWarp {
-        let facets = self
-            .directions
-            .iter()
-            .zip(nodes(self.side))
-            .zip(&self.density);
+        let directions = self.directions.iter().zip(nodes(self.side));
+        let facets = directions.zip(&self.density);
         let density = |((m, u), d): ((&DVec3, DVec2), &f64)| {
             let value = m.dot(w).max(0.0) * d * solid_angle(u);
             // As the file rounds it.
@@ -420,8 +417,6 @@ fn once_each(
         })
         .collect();
     let list = measure(&distinct)?;
-    Ok(numbers
-        .iter()
-        .filter_map(|&k| list.get(k).copied())
-        .collect())
+    let values = numbers.iter().filter_map(|&k| list.get(k).copied());
+    Ok(values.collect())
 }

@@ -190,10 +190,9 @@ impl<'a, 'b, E> Search<'a, 'b, E> {
 
     fn appearance(&self, x: &[f64]) -> Appearance {
         let count = 3 * self.materials();
-        let albedo = x[..count]
-            .chunks_exact(3)
-            .map(|u| std::array::from_fn(|c| 1.0 - u[c] * u[c]))
-            .collect();
+        let colours = x[..count].chunks_exact(3);
+        let albedo = colours.map(|u| std::array::from_fn(|c| 1.0 - u[c] * u[c]));
+        let albedo = albedo.collect();
         let mut rest = x[count..].iter().map(|v| v.exp());
         let mut value = |[low, high]: [f64; 2], fixed: f64| {
             let own = if low < high { rest.next() } else { None };
@@ -225,10 +224,8 @@ impl<'a, 'b, E> Search<'a, 'b, E> {
     }
 
     fn cost(&self, x: &[f64], found: &[Measured]) -> f64 {
-        let data: f64 = (0..3)
-            .flat_map(|c| self.residuals(found, c))
-            .map(|r| r * r)
-            .sum();
+        let residuals = (0..3).flat_map(|c| self.residuals(found, c));
+        let data: f64 = residuals.map(|r| r * r).sum();
         let prior = self.axes.iter().zip(x);
         data + prior
             .map(|(a, x)| (x - a.start).powi(2) / a.prior())
@@ -380,11 +377,8 @@ impl<'a, 'b, E> Search<'a, 'b, E> {
             products.map(|(x, y)| x * y).sum()
         };
         DMatrix::from_fn(columns.len(), columns.len(), |i, j| {
-            let prior = if i == j {
-                1.0 / self.axes[i].prior()
-            } else {
-                0.0
-            };
+            let own = 1.0 / self.axes[i].prior();
+            let prior = if i == j { own } else { 0.0 };
             dot(&columns[i], &columns[j]) + prior
         })
     }

@@ -63,10 +63,8 @@ pub fn pareto_front<const N: usize>(points: &[[f64; N]]) -> Vec<bool> {
     let valid = |p: &[f64; N]| p.iter().all(|x| !x.is_nan());
     let beats =
         |a: &[f64; N], b: &[f64; N]| valid(a) && a.iter().zip(b).all(|(x, y)| x <= y) && a != b;
-    points
-        .iter()
-        .map(|p| valid(p) && !points.iter().any(|other| beats(other, p)))
-        .collect()
+    let is_beaten = |p| points.iter().any(|other| beats(other, p));
+    points.iter().map(|p| valid(p) && !is_beaten(p)).collect()
 }
 
 /// The growth of a cost with a size: as `size ^ exponent`.
@@ -99,10 +97,8 @@ pub fn growth(points: &[(f64, f64)]) -> Option<Growth> {
     let xx: f64 = logs.iter().map(|(x, _)| (x - x0).powi(2)).sum();
     let xy: f64 = logs.iter().map(|(x, y)| (x - x0) * (y - y0)).sum();
     let exponent = xy / xx;
-    let off: f64 = logs
-        .iter()
-        .map(|(x, y)| (y - y0 - exponent * (x - x0)).powi(2))
-        .sum();
+    let residuals = logs.iter().map(|(x, y)| y - y0 - exponent * (x - x0));
+    let off: f64 = residuals.map(|r| r.powi(2)).sum();
     Some(Growth {
         exponent,
         standard_error: (n > 2.0).then(|| (off / (n - 2.0) / xx).sqrt()),
@@ -175,10 +171,8 @@ mod tests {
         ];
         assert_eq!(pareto_front(&points), [true, true, true, false, false]);
         assert_eq!(pareto_front::<2>(&[]), [false; 0]);
-        assert_eq!(
-            pareto_front(&[[f64::INFINITY, 0.0], [1.0, 1.0]]),
-            [true, true]
-        );
+        let points = [[f64::INFINITY, 0.0], [1.0, 1.0]];
+        assert_eq!(pareto_front(&points), [true, true]);
     }
 
     #[test]

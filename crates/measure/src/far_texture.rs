@@ -103,10 +103,8 @@ pub fn measure_texels(
                 let slot = &mut sums.scattered[texel * n + *at as usize];
                 slot.iter_mut().zip(value).for_each(|(s, v)| *s += v);
                 let square = &mut sums.squares[*at as usize];
-                square
-                    .iter_mut()
-                    .zip(value)
-                    .for_each(|(s, v)| *s += f64::from(v * v));
+                let pairs = square.iter_mut().zip(value);
+                pairs.for_each(|(s, v)| *s += f64::from(v * v));
             }
         };
         let run = PathRun::new(&names, &mut stats, &mut found);
@@ -209,11 +207,8 @@ pub fn far_texture(
     let mut scales = vec![0.0f32; rank * n];
     let mut functions = vec![[0i8; 3]; rank * n * m];
     for (k, part) in found.iter().enumerate() {
-        let largest = part
-            .left
-            .iter()
-            .fold(0.0f32, |m, v| m.max(v.abs()))
-            .max(1e-20);
+        let sizes = part.left.iter().map(|v| v.abs());
+        let largest = sizes.fold(0.0f32, f32::max).max(1e-20);
         for (x, v) in part.left.iter().enumerate() {
             images[x * rank + k] = (v / largest * IMAGE_UNIT).round() as i16;
         }
@@ -228,10 +223,8 @@ pub fn far_texture(
         for _ in 0..SHARPENING {
             let again = smoothed(&sharp, &overlaps);
             let terms = smooth.iter().zip(again);
-            sharp
-                .iter_mut()
-                .zip(terms)
-                .for_each(|(s, (m, a))| *s += m - a);
+            let pairs = sharp.iter_mut().zip(terms);
+            pairs.for_each(|(s, (m, a))| *s += m - a);
         }
         let ratio = |column: usize| sharp[column];
         for a in 0..n {

@@ -136,11 +136,8 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Descent<'_, '_> {
             // A step in the coordinate that changes the value by the stride, inwards.
             let value = b.value(self.x[k]);
             let stride = self.stride * (b.high - b.low);
-            let inward = if value < 0.5 * (b.low + b.high) {
-                stride
-            } else {
-                -stride
-            };
+            let is_low = value < 0.5 * (b.low + b.high);
+            let inward = if is_low { stride } else { -stride };
             let mut moved = self.x.clone();
             moved[k] = b.coordinate(value + inward);
             if let Some(there) = self.look(&moved) {
@@ -254,10 +251,8 @@ pub fn determine(
 pub fn non_negative(columns: &[Vec<f64>], target: &[f64]) -> (Vec<f64>, f64) {
     let n = columns.len();
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-    let gram: Vec<Vec<f64>> = columns
-        .iter()
-        .map(|a| columns.iter().map(|b| dot(a, b)).collect())
-        .collect();
+    let row = |a: &Vec<f64>| columns.iter().map(|b| dot(a, b)).collect();
+    let gram: Vec<Vec<f64>> = columns.iter().map(row).collect();
     let right: Vec<f64> = columns.iter().map(|a| dot(a, target)).collect();
     let own = dot(target, target);
     let mut best = (vec![0.0; n], own);
@@ -280,11 +275,8 @@ pub fn non_negative(columns: &[Vec<f64>], target: &[f64]) -> (Vec<f64>, f64) {
         if !solution.iter().all(|&x| x >= 0.0 && x.is_finite()) {
             continue;
         }
-        let gained: f64 = solution
-            .iter()
-            .zip(&chosen)
-            .map(|(x, &k)| x * right[k])
-            .sum();
+        let gains = solution.iter().zip(&chosen).map(|(x, &k)| x * right[k]);
+        let gained: f64 = gains.sum();
         if own - gained < best.1 {
             let mut full = vec![0.0; n];
             for (x, &k) in solution.iter().zip(&chosen) {

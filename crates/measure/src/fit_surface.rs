@@ -236,21 +236,13 @@ impl<'a> Problem<'a> {
             let most = 0.5 * weave.warp_pitch_mm.min(weave.weft_pitch_mm);
             let own = self.start.shadowing.as_ref();
             let height = own.map_or(0.1 * most, |s| s.warp_above_weft_mm);
-            add(
-                "shadowing.warp_above_weft_mm".into(),
-                -most,
-                most,
-                Some(height),
-            );
+            let name = "shadowing.warp_above_weft_mm".into();
+            add(name, -most, most, Some(height));
         }
         if self.has_transmission {
             let own = self.start.transmission.as_ref().map(|t| t.concentration);
-            add(
-                "transmission.concentration".into(),
-                0.0,
-                40.0,
-                own.or(Some(3.0)),
-            );
+            let name = "transmission.concentration".into();
+            add(name, 0.0, 40.0, own.or(Some(3.0)));
         }
         list
     }
@@ -405,11 +397,8 @@ impl<'a> Problem<'a> {
         for (k, b) in bounds.iter().enumerate() {
             let mut moved = place.to_vec();
             let step = 0.01 * (b.high - b.low);
-            let step = if moved[k] + step > b.high {
-                -step
-            } else {
-                step
-            };
+            let is_beyond = moved[k] + step > b.high;
+            let step = if is_beyond { -step } else { step };
             moved[k] += step;
             let column = self.columns(&moved).map_or(vec![0.0; 3 * n], |m| {
                 let pairs = whole(&m).into_iter().zip(&base);

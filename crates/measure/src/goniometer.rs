@@ -438,11 +438,8 @@ where
         }
         Ok(sums)
     };
-    let all: Vec<_> = items
-        .par_iter()
-        .enumerate()
-        .map(one)
-        .collect::<Result<_, _>>()?;
+    let all = items.par_iter().enumerate().map(one);
+    let all: Vec<_> = all.collect::<Result<_, _>>()?;
     let mut stats = Stats::default();
     for sums in &all {
         stats.merge(&sums.stats);

@@ -171,10 +171,8 @@ mod tests {
             });
         }
         let errors = held_out_errors(&values, &truth);
-        assert_eq!(
-            errors.iter().map(|e| e.pairs).collect::<Vec<_>>(),
-            [300, 300, 100, 100]
-        );
+        let pairs: Vec<_> = errors.iter().map(|e| e.pairs).collect();
+        assert_eq!(pairs, [300, 300, 100, 100]);
         for error in &errors {
             // The noise is a tenth, too; three channels share one kick.
             assert!((error.rms - 0.1).abs() < 0.03, "seed 8: {error:?}");

@@ -81,12 +81,8 @@ impl KlemsPatch {
 impl KlemsPatch {
     /// Its middle as angles of the cloth's frame.
     fn angles(&self, front: bool, role: Role) -> Angles {
-        let w = direction(
-            self.middle_deg().to_radians().sin(),
-            self.phi_deg,
-            front,
-            role,
-        );
+        let sin = self.middle_deg().to_radians().sin();
+        let w = direction(sin, self.phi_deg, front, role);
         let w = w.as_dvec3();
         Angles::new(
             w.z.clamp(-1.0, 1.0).acos().to_degrees(),
@@ -400,11 +396,8 @@ mod tests {
         }
         fn estimate_exit(&self, w: Vec3, rng: &mut PathRng, _: &mut Stats) -> Exit {
             let straight = rng.unit() < 0.25;
-            let to = if straight {
-                -w
-            } else {
-                Vec3::new(-w.x, -w.y, w.z)
-            };
+            let mirrored = Vec3::new(-w.x, -w.y, w.z);
+            let to = if straight { -w } else { mirrored };
             Exit {
                 escape: Some((to, Rgb::new(1.0, 0.5, 0.0))),
                 is_straight: straight,
@@ -423,10 +416,8 @@ mod tests {
                     assert!(value[0] == 0.0 || index / n == index % n, "{index}");
                 }
                 let shares = bsdf.hemispherical(matrix, 17);
-                assert!(
-                    (shares[0] - share).abs() < 0.1 && shares[2] == 0.0,
-                    "{shares:?}"
-                );
+                let is_near = (shares[0] - share).abs() < 0.1;
+                assert!(is_near && shares[2] == 0.0, "{shares:?}");
                 assert!((shares[1] - 0.5 * shares[0]).abs() < 4.0 * f64::EPSILON);
             }
         }

@@ -266,11 +266,8 @@ pub fn write_klems(
                 values: numbers(matrix, channel, bsdf.basis.len()),
             }],
         };
-        DIRECTIONS
-            .iter()
-            .zip(matrices)
-            .map(data)
-            .collect::<Vec<_>>()
+        let all = DIRECTIONS.iter().zip(matrices).map(data);
+        all.collect::<Vec<_>>()
     };
     let light = ["CIE Illuminant D65 1nm.ssp", "ASTM E308 1931 Y.dsp"];
     let channels = BANDS.iter().enumerate();
@@ -278,11 +275,9 @@ pub fn write_klems(
         .filter(|(channel, _)| solar.is_none() || *channel == VISIBLE)
         .flat_map(|(channel, band)| data_of([band, light[0], light[1]], bsdf, channel))
         .collect();
-    data.extend(
-        solar
-            .into_iter()
-            .flat_map(|solar| data_of(SOLAR, solar.bsdf, VISIBLE)),
-    );
+    if let Some(solar) = solar {
+        data.extend(data_of(SOLAR, solar.bsdf, VISIBLE));
+    }
     let emissivity = solar.map(|s| EMISSIVITY * (1.0 - s.openness));
     let file = WindowElement {
         namespace: "http://windows.lbl.gov".into(),
@@ -366,10 +361,8 @@ pub fn read_klems(text: &str) -> Result<KlemsBsdf, KlemsFileError> {
     let turned = |m: &KlemsMatrix| KlemsMatrix {
         values: (0..n * n)
             .map(|k| {
-                m.values
-                    .get((k % n) * n + k / n)
-                    .copied()
-                    .unwrap_or_default()
+                let value = m.values.get((k % n) * n + k / n);
+                value.copied().unwrap_or_default()
             })
             .collect(),
         se: m.se.clone(),
@@ -513,10 +506,8 @@ mod tests {
         let (read, written) = (read_klems(&text).unwrap(), bsdf());
         let all = |b: &KlemsBsdf| -> Vec<f64> {
             let matrices = b.transmission.iter().chain(&b.reflection);
-            matrices
-                .flat_map(|m| m.values.as_flattened())
-                .copied()
-                .collect()
+            let values = matrices.flat_map(|m| m.values.as_flattened());
+            values.copied().collect()
         };
         for (a, b) in all(&read).into_iter().zip(all(&written)) {
             assert!((a - b).abs() <= 1e-5 * (b + 1e-3), "{a} {b}");
@@ -547,10 +538,8 @@ mod tests {
             openness: 0.1,
         };
         let text = write_klems(&bsdf(), Some(solar), "x").unwrap();
-        let bands: Vec<_> = text
-            .split("<Wavelength unit=\"Integral\">")
-            .skip(1)
-            .collect();
+        let bands = text.split("<Wavelength unit=\"Integral\">").skip(1);
+        let bands: Vec<_> = bands.collect();
         assert_eq!(bands.len(), 2 * 4, "no colours");
         for (place, band) in bands.iter().enumerate() {
             let is_solar = place >= 4;

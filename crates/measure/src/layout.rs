@@ -127,10 +127,8 @@ mod tests {
             let (x, y) = ((k % 15) as f64 - 7.0, (k / 15) as f64 - 7.0);
             let ring = x.abs().max(y.abs()) / 7.0;
             let cos = 1.0 - ring * ring * (1.0 - 75f64.to_radians().cos());
-            assert!(
-                (a.theta_deg.to_radians().cos() - cos).abs() < 4.0 * f64::from(f32::EPSILON),
-                "{k}"
-            );
+            let off = (a.theta_deg.to_radians().cos() - cos).abs();
+            assert!(off < 4.0 * f64::from(f32::EPSILON), "{k}");
         }
         assert_eq!(grid_layout(3, 4).len(), 12 * 24);
         assert_eq!(in_plane_layout(30.0).len(), 2 * 2 * 17);

@@ -274,11 +274,8 @@ impl Iterator for Table {
         // Reading valid text from memory cannot fail.
         let record = self.records.next()?.ok()?;
         let kept = record.position().map_or(1, csv::Position::line) as usize;
-        let line = self
-            .lines
-            .get(kept.saturating_sub(1))
-            .copied()
-            .unwrap_or(kept);
+        let line = self.lines.get(kept.saturating_sub(1));
+        let line = line.copied().unwrap_or(kept);
         Some(Row { record, line })
     }
 }

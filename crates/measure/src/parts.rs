@@ -14,10 +14,8 @@ pub fn measure_parts<T: Send>(
     count: usize,
     measure: impl Fn(usize) -> Result<(T, Stats), Stopped> + Sync,
 ) -> Result<(Vec<T>, Stats), MeasureError> {
-    let found: Vec<_> = (0..count)
-        .into_par_iter()
-        .map(&measure)
-        .collect::<Result<_, Stopped>>()?;
+    let found = (0..count).into_par_iter().map(&measure);
+    let found: Vec<_> = found.collect::<Result<_, Stopped>>()?;
     let mut stats = Stats::default();
     let mut parts = Vec::with_capacity(count);
     for (part, counts) in found {

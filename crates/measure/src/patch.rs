@@ -182,16 +182,11 @@ pub trait PatchResponse: Sync {
 
     /// [`PatchResponse::estimate_at`] of every path, at the place of the middle plane, mm, that
     /// `place` draws.
-    fn each_bsdf_at(
-        &self,
-        place: &Draw<'_, Vec2>,
-        (w_in, w_out): (Vec3, Vec3),
-        run: PathRun<'_, Rgb>,
-    ) {
+    fn each_bsdf_at(&self, place: &Draw<'_, Vec2>, pair: (Vec3, Vec3), run: PathRun<'_, Rgb>) {
         for path in run.names.paths.clone() {
             let mut rng = run.names.rng(path);
             let place_mm = place(&mut rng);
-            (run.found)(self.estimate_at(place_mm, w_in, w_out, &mut rng, run.stats));
+            (run.found)(self.estimate_at(place_mm, pair.0, pair.1, &mut rng, run.stats));
         }
     }
 
@@ -258,13 +253,8 @@ where
         (**self).each_bsdf(directions, run);
     }
 
-    fn each_bsdf_at(
-        &self,
-        place: &Draw<'_, Vec2>,
-        directions: (Vec3, Vec3),
-        run: PathRun<'_, Rgb>,
-    ) {
-        (**self).each_bsdf_at(place, directions, run);
+    fn each_bsdf_at(&self, place: &Draw<'_, Vec2>, pair: (Vec3, Vec3), run: PathRun<'_, Rgb>) {
+        (**self).each_bsdf_at(place, pair, run);
     }
 
     fn each_exit(&self, from: &Draw<'_, Vec3>, run: PathRun<'_, Exit>) {

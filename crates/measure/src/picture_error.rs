@@ -33,10 +33,8 @@ impl NoisyPicture {
         let values = (3 * self.mean.len()).max(1) as f64;
         let mean = self.mean.iter().flatten().sum::<f64>() / values;
         // The channels of a path are correlated.
-        let deviations = self
-            .variance
-            .iter()
-            .map(|v| v.map(f64::sqrt).iter().sum::<f64>().powi(2));
+        let roots = self.variance.iter().map(|v| v.map(f64::sqrt));
+        let deviations = roots.map(|v| v.iter().sum::<f64>().powi(2));
         (mean, deviations.sum::<f64>() / (values * values))
     }
 
@@ -178,10 +176,8 @@ mod tests {
             // Clamped at zero, the mean square is too large by less than its noise, sqrt(2 /
             // 1200) of 2 v.
             let slack = 2.0 * variance * (2.0f64 / 1200.0).sqrt() + 0.1 * planted_error.powi(2);
-            assert!(
-                (squares - planted_error.powi(2)).abs() < slack,
-                "{case}: {squares}"
-            );
+            let off = (squares - planted_error.powi(2)).abs();
+            assert!(off < slack, "{case}: {squares}");
         }
     }
 
@@ -203,10 +199,8 @@ mod tests {
                 let pairs = a[k].mean.iter().flatten().zip(b[k].mean.iter().flatten());
                 pairs.map(|(x, y)| x - y).collect::<Vec<f64>>()
             };
-            let products = difference(0)
-                .into_iter()
-                .zip(difference(1))
-                .map(|(x, y)| x * y);
+            let pairs = difference(0).into_iter().zip(difference(1));
+            let products = pairs.map(|(x, y)| x * y);
             // The noisy mean of the reference is the unit of one and not of the other.
             other.add(products.sum::<f64>() / 1200.0 / b[0].brightness().0.powi(2));
         }
@@ -226,10 +220,8 @@ mod tests {
             let a = noisy(&brighter, 0.25, &mut rng);
             let found = picture_error(&a, &noisy(&truth, 0.25, &mut rng)).unwrap();
             let (rmse, bias) = (found.rmse, found.bias);
-            assert!(
-                rmse.low >= bias.low && rmse.value >= bias.low && rmse.high >= bias.high,
-                "seed {seed}: {found:?}"
-            );
+            let is_above = rmse.low >= bias.low && rmse.value >= bias.low && rmse.high >= bias.high;
+            assert!(is_above, "seed {seed}: {found:?}");
             held += usize::from(rmse.low <= 0.1 && 0.1 <= rmse.high);
         }
         assert!(held >= 34, "seeds 0..40: the interval held {held} times");
@@ -245,10 +237,8 @@ mod tests {
             noisy(&truth, 0.01, &mut rng),
         );
         let bias = picture_error(&a, &b).unwrap().bias;
-        assert!(
-            bias.low < 0.1 && 0.1 < bias.high && bias.high - bias.low < 0.06,
-            "{bias:?}"
-        );
+        assert!(bias.low < 0.1 && 0.1 < bias.high, "{bias:?}");
+        assert!(bias.high - bias.low < 0.06, "{bias:?}");
         let none = NoisyPicture::default();
         assert_eq!(picture_error(&none, &none), None);
         assert_eq!(picture_error(&none, &b), None);

@@ -229,10 +229,8 @@ mod tests {
             Ok(picture(c, w, 2))
         };
         let found = match_picture(&target, &search, &mut simulate).unwrap();
-        assert!(
-            found.is_met && count.get() < 120,
-            "{found:?} after {count:?}"
-        );
+        let made = count.get();
+        assert!(found.is_met && made < 120, "{found:?} after {made}");
         // Tolerance and noise of 0.02 over 4096 pixels: about a hundredth.
         // Margin: four standard errors.
         assert!((found.width / width - 1.0).abs() < 0.04, "{found:?}");

@@ -51,10 +51,8 @@ impl MatchedPicture {
                 }
                 sum.map(|s| (s / all.powi(power)) as f32)
             };
-            (0..h)
-                .flat_map(|y| (0..w).map(move |x| (x, y)))
-                .map(|(x, y)| one(x, y))
-                .collect()
+            let pixels = (0..h).flat_map(|y| (0..w).map(move |x| (x, y)));
+            pixels.map(|(x, y)| one(x, y)).collect()
         };
         let both = |list: &[[f32; 3]], power| blur(&blur(list, true, power), false, power);
         MatchedPicture {
@@ -240,14 +238,10 @@ mod tests {
         // moment of 3 * 15^2 / (13 * 11) = 4.72, so a deviation of 1.84. The mean of 120 of
         // them has a standard error of 0.168, that of 240 one of 0.119. The margin is that of
         // chance: 3 and 3.8 of these.
-        assert!(
-            (chi2[0] / count - 1.15).abs() < 0.5,
-            "{chi2:?}, seeds 0..40"
-        );
-        assert!(
-            (chi2[1] / (2.0 * count) - 1.15).abs() < 0.45,
-            "{chi2:?}, seeds 0..40"
-        );
+        let mean = chi2[0] / count;
+        assert!((mean - 1.15).abs() < 0.5, "{chi2:?}, seeds 0..40");
+        let ratio = chi2[1] / (2.0 * count);
+        assert!((ratio - 1.15).abs() < 0.45, "{chi2:?}, seeds 0..40");
         // Noise of the stated size adds no deviation; the twin states half of it.
         // Over 4096 pixels a variance has a relative standard error of sqrt(2 / 4096) = 0.022.
         // The margin is that of chance: the root of four of these, times 0.1, is 0.03.

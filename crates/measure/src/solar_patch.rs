@@ -134,17 +134,8 @@ impl<P: PatchResponse> PatchResponse for SolarPatch<P> {
         self.parts(run, |patch, run| patch.each_bsdf(directions, run), grey);
     }
 
-    fn each_bsdf_at(
-        &self,
-        place: &Draw<'_, Vec2>,
-        directions: (Vec3, Vec3),
-        run: PathRun<'_, Rgb>,
-    ) {
-        self.each(
-            run,
-            |patch, run| patch.each_bsdf_at(place, directions, run),
-            grey,
-        );
+    fn each_bsdf_at(&self, place: &Draw<'_, Vec2>, pair: (Vec3, Vec3), run: PathRun<'_, Rgb>) {
+        self.each(run, |patch, run| patch.each_bsdf_at(place, pair, run), grey);
     }
 
     fn each_exit(&self, from: &Draw<'_, Vec3>, run: PathRun<'_, Exit>) {

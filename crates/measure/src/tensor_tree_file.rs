@@ -279,10 +279,8 @@ mod tests {
         let of = |rgb: DVec3| [0, 1, 2].map(|band| value(rgb, band));
         let is_near = |found: [f64; 3], expected: [f64; 3]| {
             let mut pairs = found.into_iter().zip(expected);
-            assert!(
-                pairs.all(|(a, b)| (a - b).abs() < 1e-6),
-                "{found:?} {expected:?}"
-            );
+            let near = pairs.all(|(a, b)| (a - b).abs() < 1e-6);
+            assert!(near, "{found:?} {expected:?}");
         };
         is_near(of(DVec3::splat(0.5)), [0.5, 4.0 / 19.0, 9.0 / 19.0]);
         is_near(of(DVec3::ZERO), [0.0, 4.0 / 19.0, 9.0 / 19.0]);

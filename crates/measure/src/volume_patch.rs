@@ -226,12 +226,8 @@ impl PatchResponse for VolumePatch {
         });
     }
 
-    fn each_bsdf_at(
-        &self,
-        place: &Draw<'_, Vec2>,
-        (w_in, w_out): (Vec3, Vec3),
-        run: PathRun<'_, Rgb>,
-    ) {
+    fn each_bsdf_at(&self, place: &Draw<'_, Vec2>, pair: (Vec3, Vec3), run: PathRun<'_, Rgb>) {
+        let (w_in, w_out) = pair;
         let start = |_: u64, rng: &mut PathRng| (self.above_mm(place(rng), w_out), w_out);
         self.each_path(&start, &[beam(w_in)], run, |path| {
             path.radiance / w_in.z.abs()

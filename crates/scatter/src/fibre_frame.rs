@@ -102,10 +102,8 @@ mod tests {
                 let f = FibreFrame::new(t, w_out);
                 assert!((f.forward.cross(f.side) - t).length() < 1e-5, "{t} {w_out}");
                 let travel = -w_out - t * t.dot(-w_out);
-                assert!(
-                    (f.forward * f.cos_out - travel).length() < 1e-5,
-                    "{t} {w_out}"
-                );
+                let off = (f.forward * f.cos_out - travel).length();
+                assert!(off < 1e-5, "{t} {w_out}");
                 for w in hard_directions(t) {
                     let a = f.angles(w);
                     let back = f.direction(&a);

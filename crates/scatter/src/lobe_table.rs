@@ -114,10 +114,8 @@ impl LobeTable {
     /// Probability with which each lobe is drawn.
     pub fn far_lobes(&self, cos_theta: f32) -> [f32; LOBES] {
         let (i, u) = node(cos_theta, ROWS);
-        self.rows[i]
-            .lobes
-            .lerp(self.rows[i + 1].lobes, u)
-            .to_array()
+        let (row, next) = (&self.rows[i].lobes, self.rows[i + 1].lobes);
+        row.lerp(next, u).to_array()
     }
 
     /// Colour per radian of azimuth of each lobe in the far field, in x, y, z; the
@@ -160,11 +158,8 @@ impl LobeTable {
         let (a, b) = (self.table[start + k].w, self.table[start + k + 1].w);
         let t = linear_quantile(a, b, share);
         let azimuth = (k as f32 + t) * PI / (self.azimuths - 1) as f32;
-        if rng.bits() & 1 == 0 {
-            azimuth
-        } else {
-            -azimuth
-        }
+        let is_right = rng.bits() & 1 == 0;
+        if is_right { azimuth } else { -azimuth }
     }
 }
 

@@ -189,10 +189,8 @@ impl Balance {
     /// fibre's axis (tested).
     pub fn new<const N: usize>(blurs: [Blur; N], energies: impl Fn(f32) -> [Rgb; N]) -> Balance {
         let blur_rad = blurs[0].deviation_rad;
-        let narrowest = blurs
-            .iter()
-            .map(|b| b.deviation_rad)
-            .fold(MAX_BLUR_RAD, f32::min);
+        let deviations = blurs.iter().map(|b| b.deviation_rad);
+        let narrowest = deviations.fold(MAX_BLUR_RAD, f32::min);
         // The midpoint rule on folded Gaussians errs by exp(-2 (pi b / step)^2):
         // below 1e-8 at two nodes per deviation.
         let half = (FRAC_PI_2 / narrowest * 2.0).ceil().max(45.0) as usize;
@@ -214,17 +212,13 @@ impl Balance {
                 }
             }
         }
-        let mut c: Vec<Vec3> = angles
-            .iter()
-            .map(|a| Vec3::splat(1.0 / a[1].max(blur_rad)))
-            .collect();
+        let widths = angles.iter().map(|a| a[1].max(blur_rad));
+        let mut c: Vec<Vec3> = widths.map(|width| Vec3::splat(1.0 / width)).collect();
         // Each pass halves the error; what is left is rounding.
         for _ in 0..24 {
-            let weighted: Vec<Vec3> = c
-                .iter()
-                .zip(&angles)
-                .map(|(c, a)| *c * (step * a[1] * a[1]))
-                .collect();
+            let pairs = c.iter().zip(&angles);
+            let weighted = pairs.map(|(c, a)| *c * (step * a[1] * a[1]));
+            let weighted: Vec<Vec3> = weighted.collect();
             for (c, row) in c.iter_mut().zip(matrix.chunks(half)) {
                 let integral: Vec3 = row.iter().zip(&weighted).map(|(k, w)| *k * *w).sum();
                 *c = (*c / integral).map(f32::sqrt);
@@ -263,10 +257,8 @@ impl Balance {
         };
         // The norms by the same rule. Kernels reach from theta_o as far as the
         // widest; they are even in both angles.
-        let weights: Vec<f32> = angles
-            .iter()
-            .map(|a| step * balance.at(a[1]).drawing(a[1]))
-            .collect();
+        let weight = |a: &[f32; 2]| step * balance.at(a[1]).drawing(a[1]);
+        let weights: Vec<f32> = angles.iter().map(weight).collect();
         let widest = blurs.iter().fold(0.0f32, |w, b| w.max(b.deviation_rad));
         let reach = (7.0 * widest / step) as isize + 1;
         let norms = (0..=count).map(|k| {
@@ -386,11 +378,9 @@ mod tests {
                         let t = ((i as f32 + 0.5) / n as f32 - 0.5) * PI;
                         let pair =
                             Inclinations::new(t.sin_cos().into(), theta_out.sin_cos().into());
-                        let sum: f32 = energies(pair.mean_cos)
-                            .iter()
-                            .zip(&blurs)
-                            .map(|(e, b)| e.0.x * pair.density(b))
-                            .sum();
+                        let energies = energies(pair.mean_cos);
+                        let parts = energies.iter().zip(&blurs);
+                        let sum: f32 = parts.map(|(e, b)| e.0.x * pair.density(b)).sum();
                         f64::from(c_out * balance.at(t.cos()).scale.x * t.cos().powi(2) * sum)
                     })
                     .sum::<f64>()
@@ -428,10 +418,8 @@ mod tests {
                 .map(|_| f64::from(balance.sample(out, &blur, &mut rng)[0]))
                 .collect();
             let verdict = t_test(&drawn, mean);
-            assert!(
-                verdict.p_value > 1e-4,
-                "seed 64, {theta_deg}: {drawn:?} {mean}"
-            );
+            let p_value = verdict.p_value;
+            assert!(p_value > 1e-4, "seed 64, {theta_deg}: {drawn:?} {mean}");
             // The twin draws by the blur alone: toward the axis its weights are
             // those of few.
             let twin: Moments = (0..4000)

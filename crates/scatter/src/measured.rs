@@ -87,10 +87,8 @@ impl MeasuredLobe {
 
     /// The profile over its greatest value at a share of the way from straight on to back.
     fn at(&self, share: f32) -> f32 {
-        let most = self
-            .profile
-            .iter()
-            .fold(f32::MIN_POSITIVE, |a, &b| a.max(b));
+        let values = self.profile.iter();
+        let most = values.fold(f32::MIN_POSITIVE, |a, &b| a.max(b));
         let last = self.profile.len() - 1;
         let place = share.clamp(0.0, 1.0) * last as f32;
         let i = (place as usize).min(last - 1);

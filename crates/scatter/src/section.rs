@@ -176,10 +176,8 @@ mod tests {
         }
         assert_eq!(Section::from_name("ellipse:2.5"), Ok(Section::Ellipse(2.5)));
         let said = Section::from_name("trilobel").unwrap_err();
-        assert!(
-            said.ends_with("found `trilobel`; did you mean `trilobal`?"),
-            "{said}"
-        );
+        let hint = "found `trilobel`; did you mean `trilobal`?";
+        assert!(said.ends_with(hint), "{said}");
         for wrong in ["ellipse:0.5", "ellipse:nan", "ellipse:", "ellipse:1e9"] {
             assert!(Section::from_name(wrong).unwrap_err().contains("1 to 20"));
         }

@@ -163,11 +163,8 @@ impl Traced {
     /// Calls `visit` with lobe, azimuth and light of everything that was followed.
     pub fn visit(&self, absorption_radii: Rgb, mut visit: impl FnMut(usize, f32, glam::Vec3)) {
         for exit in &self.0 {
-            visit(
-                usize::from(exit.lobe),
-                exit.azimuth_rad,
-                exit.colour(absorption_radii),
-            );
+            let colour = exit.colour(absorption_radii);
+            visit(usize::from(exit.lobe), exit.azimuth_rad, colour);
         }
     }
 
@@ -176,11 +173,8 @@ impl Traced {
     pub fn albedo_and_turn(&self, absorption_radii: f32) -> [f32; 2] {
         self.0.iter().fold([0.0; 2], |[albedo, turn], exit| {
             let light = exit.weight * (-absorption_radii * exit.path_radii).exp();
-            let cos = if exit.lobe == 3 {
-                0.0
-            } else {
-                exit.azimuth_rad.cos()
-            };
+            let turned = exit.azimuth_rad.cos();
+            let cos = if exit.lobe == 3 { 0.0 } else { turned };
             [albedo + light, turn + light * cos]
         })
     }
@@ -200,11 +194,8 @@ impl Normals {
     fn of(corners: &[DVec2]) -> Normals {
         let n = corners.len();
         let flat = |i: usize| (corners[(i + 1) % n] - corners[i % n]).perp().normalize();
-        Normals(
-            (0..n)
-                .map(|i| (flat(i + n - 1) + flat(i)).normalize())
-                .collect(),
-        )
+        let normals = (0..n).map(|i| (flat(i + n - 1) + flat(i)).normalize());
+        Normals(normals.collect())
     }
 
     /// The normal of a facet, and that of the smooth outline at a point of it.
@@ -278,10 +269,8 @@ mod tests {
                 let traced = Traced::new(&corners, 1.55, cos, 512);
                 let energies = traced.energies(Rgb::BLACK);
                 let sum = total(energies);
-                assert!(
-                    (sum - 1.0).abs() < 4.0 * f32::EPSILON,
-                    "{section}, {cos}: {sum}"
-                );
+                let off = (sum - 1.0).abs();
+                assert!(off < 4.0 * f32::EPSILON, "{section}, {cos}: {sum}");
                 assert!(energies[3].0.x < 0.029, "{section}, {cos}: {energies:?}");
                 // The twin absorbs a little.
                 let dim = total(traced.energies(Rgb::splat(0.01)));

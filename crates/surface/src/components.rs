@@ -58,10 +58,8 @@ impl Components {
             (back, behind(w_in), behind(w_out))
         };
         let mut parts = Parts::default();
-        let covered = self
-            .transmission
-            .as_ref()
-            .map_or(1.0, |t| t.covered(w_in, w_out));
+        let transmission = self.transmission.as_ref();
+        let covered = transmission.map_or(1.0, |t| t.covered(w_in, w_out));
         if w_in.z > 0.0 {
             face.for_each_type(w_in, w_out, |yarn: Yarn, lobe, area| {
                 parts.specular[yarn as usize] += lobe * covered;
@@ -121,10 +119,8 @@ mod tests {
             }
             let value = whole.eval(w_out, w_in, Footprint::FAR);
             let error = (sum + value * -1.0).0.abs().max_element();
-            assert!(
-                error < 4.0 * f32::EPSILON * (1.0 + value.max_component()),
-                "{sum:?} {value:?}"
-            );
+            let most = 4.0 * f32::EPSILON * (1.0 + value.max_component());
+            assert!(error < most, "{sum:?} {value:?}");
         }
     }
 }

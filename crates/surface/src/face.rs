@@ -7,7 +7,6 @@ use crate::local::{Local, segment_from_face};
 use crate::noise::{self, TensionNoise};
 use crate::parameters::{WovenParameters, YarnParameters};
 use crate::quadrature::Rule;
-use crate::real::Direction;
 use crate::round::round_yarns;
 use crate::segment::{Pair, SegmentParameters, YarnSegment};
 use crate::sequence::sequence;
@@ -162,14 +161,8 @@ impl Face {
         if depth <= 0.0 {
             return 1.0;
         }
-        let vec = |w: Direction<f32>| Vec3::new(w.x, w.y, w.z);
-        Shadowing::visible_share(
-            vec(pair.w_in),
-            vec(pair.w_out),
-            size_mm[0],
-            size_mm[1],
-            depth,
-        )
+        let [w_in, w_out] = [pair.w_in, pair.w_out].map(|w| Vec3::new(w.x, w.y, w.z));
+        Shadowing::visible_share(w_in, w_out, size_mm[0], size_mm[1], depth)
     }
 
     /// Visits every segment type with its mean scattering per area of cloth (without gain and
@@ -177,10 +170,8 @@ impl Face {
     /// Directions must be above the face.
     pub fn for_each_type(&self, w_in: Vec3, w_out: Vec3, mut visit: impl FnMut(Yarn, f32, f32)) {
         for yarn in [Yarn::Warp, Yarn::Weft] {
-            let pair = Pair::new(
-                segment_from_face(yarn, w_in),
-                segment_from_face(yarn, w_out),
-            );
+            let [a, b] = [w_in, w_out].map(|w| segment_from_face(yarn, w));
+            let pair = Pair::new(a, b);
             // The values that all segments of a filament yarn share.
             let ring = Ring::new(&pair);
             let mut integrals = None;
@@ -245,10 +236,8 @@ impl Face {
     /// See [`round_yarns`].
     #[inline]
     pub fn round(yarn: Yarn, w_in: Vec3, w_out: Vec3) -> f32 {
-        round_yarns(
-            segment_from_face(yarn, w_in),
-            segment_from_face(yarn, w_out),
-        )
+        let [a, b] = [w_in, w_out].map(|w| segment_from_face(yarn, w));
+        round_yarns(a, b)
     }
 
     /// Share of the light from `w` that is returned, estimated with `count` quasi-random

@@ -51,11 +51,8 @@ impl<T: Real> Ring<T> {
             (x / (r + z), x / r, z / r)
         };
         let (b_i, b_r, viewer) = (angle(x_i, z_i), angle(x_r, z_r), (0.0, 0.0, 1.0));
-        let (less, more) = if b_i.0 < b_r.0 {
-            (b_i, b_r)
-        } else {
-            (b_r, b_i)
-        };
+        let in_order = b_i.0 < b_r.0;
+        let (less, more) = if in_order { (b_i, b_r) } else { (b_r, b_i) };
         let least = if less.0 < 0.0 { less } else { viewer };
         let most = if more.0 > 0.0 { more } else { viewer };
         // Perpendicular to both, less than half a turn apart.

@@ -106,10 +106,8 @@ impl HalfVectorTable {
 fn alias_table(shares: &[f32]) -> Vec<(f32, u32)> {
     let n = shares.len();
     let total: f64 = shares.iter().map(|&s| f64::from(s)).sum();
-    let mut scaled: Vec<f64> = shares
-        .iter()
-        .map(|&s| f64::from(s) / total * n as f64)
-        .collect();
+    let scaled = shares.iter().map(|&s| f64::from(s) / total * n as f64);
+    let mut scaled: Vec<f64> = scaled.collect();
     let mut table: Vec<(f32, u32)> = (0..n as u32).map(|i| (1.0, i)).collect();
     let (mut small, mut large): (Vec<usize>, Vec<usize>) = (0..n).partition(|&i| scaled[i] < 1.0);
     while let (Some(&s), Some(&l)) = (small.last(), large.last()) {

@@ -77,10 +77,8 @@ mod tests {
             let rays = 0.5 * sum * std::f32::consts::PI / count as f32 / (i.z * o.z);
             let d = |w: Vec3| Direction::new(w.x, w.y, w.z);
             let closed = round_yarns(d(i), d(o));
-            assert!(
-                (closed - rays).abs() < 2e-3 * (1.0 + rays),
-                "{closed} {rays}"
-            );
+            let most = 2e-3 * (1.0 + rays);
+            assert!((closed - rays).abs() < most, "{closed} {rays}");
             assert!((closed - round_yarns(d(o), d(i))).abs() < 4.0 * f32::EPSILON);
         }
     }

@@ -102,13 +102,8 @@ impl Transmission {
 
     /// The same gaps and lobes with other colours.
     pub fn with_colours(&self, both: Rgb) -> Transmission {
-        Transmission::new(
-            self.warp_cover,
-            self.weft_cover,
-            both,
-            both,
-            self.concentration,
-        )
+        let (warp, weft) = (self.warp_cover, self.weft_cover);
+        Transmission::new(warp, weft, both, both, self.concentration)
     }
 
     /// Colour of the diffuse lobe.

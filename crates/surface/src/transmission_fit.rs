@@ -246,10 +246,8 @@ mod tests {
         let fitted = measured.fit().unwrap();
         assert!((fitted.warp_cover - 0.82).abs() < 2e-3, "{fitted:?}");
         assert!((fitted.weft_cover - 0.7).abs() < 2e-3, "{fitted:?}");
-        assert!(
-            (fitted.concentration / 12.0 - 1.0).abs() < 0.1,
-            "{fitted:?}"
-        );
+        let ratio = fitted.concentration / 12.0;
+        assert!((ratio - 1.0).abs() < 0.1, "{fitted:?}");
         let close = |a: Rgb, b: Rgb| (a - b).0.abs().max_element() < 0.01;
         assert!(close(fitted.diffuse, truth.diffuse), "{fitted:?}");
         assert!(close(fitted.forward, truth.forward), "{fitted:?}");

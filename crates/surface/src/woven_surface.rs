@@ -181,11 +181,8 @@ impl WovenSurface {
 
     fn other(&self, side: &Side) -> &Side {
         let [front, back] = &self.sides;
-        if std::ptr::eq(side, front) {
-            back
-        } else {
-            front
-        }
+        let is_front = std::ptr::eq(side, front);
+        if is_front { back } else { front }
     }
 
     /// The weight of the mean against the texture: from 0 at a footprint of half a repeat to 1
@@ -321,10 +318,8 @@ impl WovenSurface {
         } else {
             self.other(side).bound.divisor(behind(w_in))
         };
-        let covered = self
-            .transmission
-            .as_ref()
-            .map_or(1.0, |t| t.covered(w_in, w_out));
+        let transmission = self.transmission.as_ref();
+        let covered = transmission.map_or(1.0, |t| t.covered(w_in, w_out));
         value * (covered / bound.max(side.bound.divisor(w_out)))
     }
 }

@@ -309,11 +309,8 @@ impl Target<'_> {
 
 /// Sorts by voxel; the order within a voxel is kept.
 pub fn sort_by_voxel(populations: &mut Vec<GatheredPopulation>) {
-    let most = populations
-        .iter()
-        .map(GatheredPopulation::voxel)
-        .max()
-        .unwrap_or(0);
+    let voxels = populations.iter().map(GatheredPopulation::voxel);
+    let most = voxels.max().unwrap_or(0);
     let mut next = vec![0u32; most as usize + 2];
     for l in populations.iter() {
         next[l.voxel() as usize + 1] += 1;

@@ -146,11 +146,8 @@ impl BlockLayout {
         let block = self.block >> u32::from(level);
         let number = stored.z / block.z;
         let low = self.shown_at(number) * block.truncate();
-        UVec3::new(
-            stored.x + low.x,
-            stored.y + low.y,
-            stored.z - number * block.z,
-        )
+        let z = stored.z - number * block.z;
+        UVec3::new(stored.x + low.x, stored.y + low.y, z)
     }
 }
 

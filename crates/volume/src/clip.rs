@@ -70,11 +70,9 @@ mod tests {
                 at = t1;
                 let middle = a + 0.5 * (t0 + t1) * (b - a) - cell.as_dvec3();
                 let slack = 1e-9;
-                assert!(
-                    middle.cmpge(DVec3::splat(-slack)).all()
-                        && middle.cmple(DVec3::splat(1.0 + slack)).all(),
-                    "seed 2: {a} {b} {cell} {middle}"
-                );
+                let (low, high) = (DVec3::splat(-slack), DVec3::splat(1.0 + slack));
+                let is_inside = middle.cmpge(low).all() && middle.cmple(high).all();
+                assert!(is_inside, "seed 2: {a} {b} {cell} {middle}");
             });
             assert_eq!(at, 1.0, "seed 2");
         }

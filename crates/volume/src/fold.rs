@@ -23,12 +23,8 @@ pub fn fold(
     let mut voxel = Vec::new();
     loop {
         let next = [whole.get(i), part.get(j)];
-        let Some(at) = next
-            .into_iter()
-            .flatten()
-            .map(GatheredPopulation::voxel)
-            .min()
-        else {
+        let voxels = next.into_iter().flatten().map(GatheredPopulation::voxel);
+        let Some(at) = voxels.min() else {
             return out;
         };
         voxel.clear();
@@ -96,11 +92,8 @@ mod tests {
         let lengths: Vec<f64> = populations.iter().map(|l| l.length_mm).collect();
         assert_eq!(lengths, [3.0, 2.0]);
         assert_eq!(populations[0].moment_mm.diagonal, Vec3::new(3.0, 0.0, 0.0));
-        assert!(
-            populations
-                .iter()
-                .all(|l| l.voxel() == 9 && l.group() == 3 << 16 | 1)
-        );
+        let mut all = populations.iter();
+        assert!(all.all(|l| l.voxel() == 9 && l.group() == 3 << 16 | 1));
     }
 
     #[test]
@@ -110,10 +103,8 @@ mod tests {
                 vec![population(9, 3, 2.0, Vec3::X, lobe)],
                 vec![population(9, 3, 1.0, Vec3::Y, lobe)],
             );
-            let found: Vec<(u64, f64)> = populations
-                .iter()
-                .map(|l| (l.key & 1, l.length_mm))
-                .collect();
+            let lobes = populations.iter().map(|l| (l.key & 1, l.length_mm));
+            let found: Vec<(u64, f64)> = lobes.collect();
             let mut expected = [(lobe, 2.0), (1 - lobe, 1.0)];
             expected.sort_unstable_by_key(|l| l.0);
             assert_eq!(found, expected);

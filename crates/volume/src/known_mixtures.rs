@@ -11,8 +11,7 @@ use crate::octree::build::{Assembly, Scales, build_block};
 use crate::{Error, Octree};
 use glam::{DVec3, UVec3};
 use organza_basis::spread::mean_cos_sq;
-use organza_basis::{FibrePopulation, Mixture, Sym3};
-use organza_basis::{Stopped, Watch};
+use organza_basis::{FibrePopulation, Mixture, Stopped, Sym3, Watch};
 use rayon::prelude::*;
 
 /// The grid of the voxels.

@@ -364,10 +364,8 @@ impl Octree {
     /// Cells of a level that hold fibre.
     pub fn occupied_cells(&self, level: u8) -> u64 {
         let bricks = &self.levels[usize::from(level)].bricks;
-        bricks
-            .iter()
-            .map(|b| u64::from(b.masks[0].count_ones()))
-            .sum()
+        let cells = bricks.iter().map(|b| u64::from(b.masks[0].count_ones()));
+        cells.sum()
     }
 
     /// Calls `visit` with every occupied cell of a level, brick by brick or, in a cloth of

@@ -34,11 +34,8 @@ fn near_in_f64(f: &Fibre, p: &DielectricParameters, w_out: Vec3, w_in: Vec3, h: 
             0 => fresnel,
             k => {
                 let a = (1.0 - fresnel).powi(2) * through * (fresnel * through).powi(k as i32 - 1);
-                if lobe == 3 {
-                    a / (1.0 - fresnel * through)
-                } else {
-                    a
-                }
+                let all = a / (1.0 - fresnel * through);
+                if lobe == 3 { all } else { a }
             }
         };
         let k = gauss(ti + to, s) + gauss(pi - ti + to, s) + gauss(-pi - ti + to, s);
@@ -71,10 +68,8 @@ fn single_precision_follows_double() {
         };
         let exact = near_in_f64(&fibre, &parameters, w_out, s.w_in, f64::from(h));
         let got = f64::from(near.eval(w_out, s.w_in).0.x);
-        assert!(
-            (got - exact).abs() < 2e-3 * exact + 1e-5,
-            "seed 53, {w_out} {h} {s:?}: {got} {exact}"
-        );
+        let is_near = (got - exact).abs() < 2e-3 * exact + 1e-5;
+        assert!(is_near, "seed 53, {w_out} {h} {s:?}: {got} {exact}");
     }
 }
 
@@ -92,12 +87,8 @@ fn far_error(fibre: &Fibre, exact: impl Fn(Vec3, Vec3) -> f64) -> f64 {
         .collect();
     for w_out in hard_directions(TANGENT) {
         pairs.push((w_out, -w_out));
-        pairs.extend(
-            hard_directions(TANGENT)
-                .into_iter()
-                .step_by(3)
-                .map(|w_in| (w_out, w_in)),
-        );
+        let others = hard_directions(TANGENT).into_iter().step_by(3);
+        pairs.extend(others.map(|w_in| (w_out, w_in)));
     }
     // At a degree from the fibre a table of energies has nothing to hold on to.
     pairs.retain(|(a, b)| {
@@ -105,10 +96,8 @@ fn far_error(fibre: &Fibre, exact: impl Fn(Vec3, Vec3) -> f64) -> f64 {
             .into_iter()
             .all(|w| TANGENT.cross(*w).length() > 0.02)
     });
-    let values: Vec<[f64; 2]> = pairs
-        .into_iter()
-        .map(|(a, b)| [f64::from(far.eval(a, b).0.x), exact(a, b)])
-        .collect();
+    let value = |(a, b)| [f64::from(far.eval(a, b).0.x), exact(a, b)];
+    let values: Vec<[f64; 2]> = pairs.into_iter().map(value).collect();
     let greatest = values.iter().map(|v| v[1]).fold(0.0, f64::max);
     let error = |v: &[f64; 2]| (v[0] - v[1]).abs() / v[1].max(1e-4 * greatest);
     values.iter().map(error).fold(0.0, f64::max)

@@ -5,8 +5,7 @@ use super::parts::{NearKind, NearParts};
 use super::section_lobes::{SectionLobes, lay_out_section};
 use crate::fibre::Fibre;
 use organza_lanes::math::V3;
-use organza_lanes::word_of;
-use organza_lanes::{Floats, Ints, Mask};
+use organza_lanes::{Floats, Ints, Mask, word_of};
 use std::f32::consts::PI;
 
 /// Words of a material before its balance.

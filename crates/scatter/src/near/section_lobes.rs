@@ -14,8 +14,7 @@ use crate::FAR_ROWS;
 use crate::lobe_table::SHAPED;
 use organza_basis::AliasTable;
 use organza_lanes::math::V3;
-use organza_lanes::{Floats, Ints};
-use organza_lanes::{vector_of, word_of};
+use organza_lanes::{Floats, Ints, vector_of, word_of};
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Words of a row before its nodes: light of the remainder, one of room, chances of lobes.

@@ -127,13 +127,8 @@ fn write_texture(bytes: &mut Vec<u8>, texture: &TextureParts) {
     bytes.extend(&texture.gaps);
     bytes.extend(texture.images.iter().flat_map(|x| x.to_le_bytes()));
     bytes.extend(texture.scales.iter().flat_map(|x| x.to_le_bytes()));
-    bytes.extend(
-        texture
-            .functions
-            .iter()
-            .flatten()
-            .map(|x| x.cast_unsigned()),
-    );
+    let functions = texture.functions.iter().flatten();
+    bytes.extend(functions.map(|x| x.cast_unsigned()));
 }
 
 /// The content of a file with its checksum.

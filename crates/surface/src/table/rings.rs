@@ -162,11 +162,8 @@ impl Rings {
         let on = |ring: &Ring| {
             let place = turn * ring.count as f32;
             let before = (place as u32).min(ring.count - 1);
-            let after = if before + 1 == ring.count {
-                0
-            } else {
-                before + 1
-            };
+            let is_last = before + 1 == ring.count;
+            let after = if is_last { 0 } else { before + 1 };
             let first = base + ring.first as u32;
             let share = (place - before as f32).clamp(0.0, 1.0);
             ([first + before, first + after], [1.0 - share, share])
@@ -226,11 +223,8 @@ impl Rings {
         // Not in the plane of the cloth itself.
         let z = theta.cos().max(1e-6);
         let r = (1.0 - z * z).sqrt();
-        Vec3::new(
-            r * phi.cos(),
-            r * phi.sin(),
-            if node < self.nodes { z } else { -z },
-        )
+        let z_of_side = if node < self.nodes { z } else { -z };
+        Vec3::new(r * phi.cos(), r * phi.sin(), z_of_side)
     }
 
     /// For every node, the nodes whose hats overlap its own and the integrals of the products
@@ -247,11 +241,8 @@ impl Rings {
                 let share = theta.sin() * theta.cos() * (high - low);
                 for j in 0..azimuths {
                     let phi = TAU * (j as f64 + 0.5) / azimuths as f64;
-                    let w = glam::DVec3::new(
-                        theta.sin() * phi.cos(),
-                        theta.sin() * phi.sin(),
-                        theta.cos(),
-                    );
+                    let sin = theta.sin();
+                    let w = glam::DVec3::new(sin * phi.cos(), sin * phi.sin(), theta.cos());
                     let hats = self.hats(w.as_vec3());
                     for (&a, &x) in hats.nodes.iter().zip(&hats.values) {
                         for (&b, &y) in hats.nodes.iter().zip(&hats.values) {
@@ -354,11 +345,8 @@ mod tests {
             for &(other, share) in &lists[node] {
                 let found = &sums[other as usize];
                 let z = (found.mean - share) / found.standard_error().max(1e-4);
-                assert!(
-                    z.abs() < 5.0,
-                    "seed 5: {node}, {other}: {} for {share}",
-                    found.mean
-                );
+                let mean = found.mean;
+                assert!(z.abs() < 5.0, "seed 5: {node}, {other}: {mean} for {share}");
             }
             // A hat that is a tenth too large is detected.
             let own = lists[node].iter().find(|o| o.0 as usize == node).unwrap().1;

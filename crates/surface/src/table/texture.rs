@@ -200,11 +200,8 @@ impl Texture {
                 }
             }
         }
-        let mut images: Vec<f32> = parts
-            .images
-            .iter()
-            .map(|v| f32::from(*v) / 32767.0)
-            .collect();
+        let images = parts.images.iter().map(|v| f32::from(*v) / 32767.0);
+        let mut images: Vec<f32> = images.collect();
         // Rounding must not move the mean.
         for k in 0..rank {
             let own = || images.iter().skip(k).step_by(rank);
@@ -405,10 +402,8 @@ fn clipped_mean(places: &[Values], function: &Values) -> f32 {
 /// The standard deviation over places of images of these variances times their functions.
 fn deviation(function: &Values, variances: &[f32]) -> f32 {
     let terms = function.iter().zip(variances);
-    terms
-        .map(|(f, variance)| f * f * variance)
-        .sum::<f32>()
-        .sqrt()
+    let squares = terms.map(|(f, variance)| f * f * variance);
+    squares.sum::<f32>().sqrt()
 }
 
 /// The sum of products of two lists whose length is a multiple of [`LANES`].

@@ -104,11 +104,8 @@ fn write_cells(voxels: &Voxels<'_>, out: &mut dyn Write) -> Result<(), Error> {
             for x in 0..dims.x {
                 let mixture = voxels.octree.mixture(voxels.level, UVec3::new(x, y, z));
                 let m = (voxels.merge)(&mixture);
-                let axis = if m.populations > 0 {
-                    m.axis
-                } else {
-                    Vec3::ZERO
-                };
+                let is_empty = m.populations == 0;
+                let axis = if is_empty { Vec3::ZERO } else { m.axis };
                 let values = [m.density_per_mm]
                     .into_iter()
                     .chain(axis.to_array())
@@ -234,10 +231,8 @@ impl Header {
         let kind = needed("type")?;
         let scalar =
             scalar_of(kind).ok_or_else(|| wrong(format!("values of type {kind} are not read")))?;
-        let sizes: Result<Vec<u32>, _> = needed("sizes")?
-            .split_whitespace()
-            .map(str::parse)
-            .collect();
+        let sizes = needed("sizes")?.split_whitespace();
+        let sizes: Result<Vec<u32>, _> = sizes.map(str::parse).collect();
         let sizes = sizes.map_err(|e| wrong(format!("sizes: {e}")))?;
         let (count, dims) = match sizes[..] {
             [x, y, z] => (1, UVec3::new(x, y, z)),
@@ -344,13 +339,8 @@ fn spaced(spacings: Option<&str>, skips_first: bool) -> Option<(DVec3, DVec3)> {
 
 impl Array {
     fn describe(&self) -> Value {
-        described(
-            "array",
-            json!(self.channels),
-            &self.data,
-            self.dims,
-            &self.bounds_mm,
-        )
+        let (channels, bounds_mm) = (json!(self.channels), &self.bounds_mm);
+        described("array", channels, &self.data, self.dims, bounds_mm)
     }
 
     /// The known channels, each kind as a grid.

@@ -93,11 +93,9 @@ pub fn write(octree: &Octree, files: &[SourceFile], out: &mut dyn Write) -> Resu
     out.write_all(&(header.len() as u32).to_le_bytes())?;
     out.write_all(&header)?;
     out.write_all(&crc(&header).to_le_bytes())?;
-    let groups: Vec<[u32; 2]> = octree
-        .groups
-        .iter()
-        .map(|g| [g.yarn, u32::from(g.material)])
-        .collect();
+    let groups = octree.groups.iter();
+    let groups = groups.map(|g| [g.yarn, u32::from(g.material)]);
+    let groups: Vec<[u32; 2]> = groups.collect();
     write_array(&groups, out)?;
     for l in &octree.levels {
         write_array(&l.brick_of, out)?;

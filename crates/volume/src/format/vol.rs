@@ -242,13 +242,8 @@ impl VolGrid {
 
 impl VolGrid {
     fn describe(&self) -> Value {
-        described(
-            "grid",
-            json!(self.channels),
-            &self.data,
-            self.dims,
-            &self.bounds_mm,
-        )
+        let (channels, bounds_mm) = (json!(self.channels), &self.bounds_mm);
+        described("grid", channels, &self.data, self.dims, bounds_mm)
     }
 }
 
@@ -293,10 +288,8 @@ mod tests {
     fn damaged_files_are_refused() {
         let good = bytes();
         for end in 0..good.len() {
-            assert!(
-                VolGrid::read(&mut &good[..end], &mut Budget::new(1000)).is_err(),
-                "{end}"
-            );
+            let read = VolGrid::read(&mut &good[..end], &mut Budget::new(1000));
+            assert!(read.is_err(), "{end}");
         }
         let mut long = good.clone();
         long.push(0);
@@ -316,12 +309,8 @@ mod tests {
         assert!(spoilt(8, &[255; 4]).contains("positive"));
         assert!(spoilt(24, &f32::NAN.to_le_bytes()).contains("box"));
         assert!(spoilt(60, &f32::NAN.to_le_bytes()).contains("value 3"));
-        assert!(
-            VolGrid::read(&mut &good[..], &mut Budget::new(100))
-                .unwrap_err()
-                .to_string()
-                .contains("192 bytes")
-        );
+        let small = VolGrid::read(&mut &good[..], &mut Budget::new(100));
+        assert!(small.unwrap_err().to_string().contains("192 bytes"));
         let mut short = grid();
         short.data.pop();
         assert!(short.write(&mut Vec::new()).is_err());

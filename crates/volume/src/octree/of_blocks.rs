@@ -153,11 +153,8 @@ fn copy_level(
             }
             let number = cell.z / block.z;
             let corner = cuts[number as usize].low >> u32::from(level);
-            let source = UVec3::new(
-                cell.x + corner.x,
-                cell.y + corner.y,
-                cell.z - number * block.z,
-            );
+            let z = cell.z - number * block.z;
+            let source = UVec3::new(cell.x + corner.x, cell.y + corner.y, z);
             let (_, records) = exemplar.records(level, source);
             for (mask, record) in brick.masks.iter_mut().zip(records) {
                 *mask |= 1 << bit;

@@ -169,11 +169,8 @@ mod tests {
 
     fn cells(across: UVec3) -> impl Iterator<Item = UVec3> {
         let of = move |i: u32| {
-            UVec3::new(
-                i % across.x,
-                i / across.x % across.y,
-                i / across.x / across.y,
-            )
+            let row = i / across.x;
+            UVec3::new(i % across.x, row % across.y, row / across.y)
         };
         (0..across.element_product()).map(of)
     }
@@ -204,10 +201,8 @@ mod tests {
                 assert_eq!(denser, places / holding.max(1) as f32);
                 // A sum of 64 numbers in single precision.
                 let (mean, want) = (sum / places, own.broadside_per_mm());
-                assert!(
-                    (mean - want).abs() <= 8.0 * f32::EPSILON * want,
-                    "level {level}, {cell}: {mean} {want}"
-                );
+                let is_near = (mean - want).abs() <= 8.0 * f32::EPSILON * want;
+                assert!(is_near, "level {level}, {cell}: {mean} {want}");
             }
         }
     }

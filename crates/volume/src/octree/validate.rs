@@ -2,8 +2,7 @@
 
 use super::{EMPTY, Group, Octree, OctreeLevel, broadside};
 use crate::lattice::{bit_of, brick_at, brick_index, bricks_across, cell_of_bit, octant};
-use crate::record::Brick;
-use crate::record::{decode_group, is_valid_direction};
+use crate::record::{Brick, decode_group, is_valid_direction};
 use glam::UVec3;
 use rayon::prelude::*;
 

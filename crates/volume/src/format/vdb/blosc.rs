@@ -43,10 +43,8 @@ pub fn unpack(frame: &[u8], length: usize) -> Option<Vec<u8>> {
                 let count = decompress_into(bytes, &mut planes[start..]).ok()?;
                 planes.truncate(start + count);
             } else if flags >> 5 == 3 {
-                ZlibDecoder::new(bytes)
-                    .take(wanted as u64)
-                    .read_to_end(&mut planes)
-                    .ok()?;
+                let mut inflated = ZlibDecoder::new(bytes).take(wanted as u64);
+                inflated.read_to_end(&mut planes).ok()?;
             }
             if planes.len() != end {
                 return None;

@@ -23,11 +23,8 @@ impl File {
             return Err(wrong("grid \"density\" holds no floats"));
         };
         let map = density.mm_from_cell;
-        let scale = DVec3::new(
-            map.matrix3.x_axis.x,
-            map.matrix3.y_axis.y,
-            map.matrix3.z_axis.z,
-        );
+        let m = map.matrix3;
+        let scale = DVec3::new(m.x_axis.x, m.y_axis.y, m.z_axis.z);
         if map.matrix3 != DMat3::from_diagonal(scale) || scale.min_element() <= 0.0 {
             return Err(wrong(
                 "the map of grid \"density\" turns or shears, which cannot be rendered",

@@ -378,10 +378,8 @@ impl TreeReader<'_, '_> {
         if self.compression & BLOSC != 0 {
             // The frame's own header must claim what the tree needs.
             let claim = |at: usize| {
-                bytes
-                    .get(at..at + 4)
-                    .and_then(|b| b.try_into().ok())
-                    .map(u32::from_le_bytes)
+                let word = bytes.get(at..at + 4).and_then(|b| b.try_into().ok());
+                word.map(u32::from_le_bytes)
             };
             if claim(4) != Some(length as u32) || claim(12) != Some(packed as u32) {
                 return Err(wrong("a Blosc frame has the wrong size"));

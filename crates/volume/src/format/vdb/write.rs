@@ -216,10 +216,8 @@ fn put_tree<T: Value>(
         .collect();
     out.extend((uppers.len() as u32).to_le_bytes());
     for upper in uppers {
-        origin(upper[0], 2)
-            .to_array()
-            .iter()
-            .for_each(|x| out.extend(x.to_le_bytes()));
+        let at = origin(upper[0], 2).to_array();
+        at.iter().for_each(|x| out.extend(x.to_le_bytes()));
         let lowers: Vec<_> = upper
             .chunk_by(|a, b| origin(a, 1) == origin(b, 1))
             .collect();
@@ -277,10 +275,8 @@ fn put_values(raw: &[u8], count: usize, half: bool, codec: Codec, out: &mut Vec<
     }
     let mut zlib = ZlibEncoder::new(Vec::new(), Compression::default());
     // Writing to memory does not fail.
-    let packed = zlib
-        .write_all(raw)
-        .and_then(|()| zlib.finish())
-        .unwrap_or_default();
+    let packed = zlib.write_all(raw).and_then(|()| zlib.finish());
+    let packed = packed.unwrap_or_default();
     if count > 0 && !packed.is_empty() && packed.len() < raw.len() {
         out.extend((packed.len() as i64).to_le_bytes());
         out.extend(packed);
