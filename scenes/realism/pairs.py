@@ -4,7 +4,8 @@ before the denoiser, and the most memory.
 
     python3 scenes/realism/pairs.py [--organza ORGANZA] [--spp N] [--denoise] [--only LABEL]
     python3 scenes/realism/pairs.py --sheet fibres    blends of materials and crimp: fibres.jpg
-    python3 scenes/realism/pairs.py --sheet pile_pairs    loops that collide, ruffle, crushed velvet
+    python3 scenes/realism/pairs.py --sheet pile_pairs    tufts that collide, ruffle, crushed velvet
+    python3 scenes/realism/pairs.py --sheet making        seams, creases, fringes, dye, lost threads
 
 Needs Pillow, and the library of `organza denoise` for --denoise.
 """
@@ -133,9 +134,36 @@ LOOPS = ('[pile]\nkind = "loop"\nyarn = "pile"\nevery = [1, 2]\nheight_mm = 2.4\
 STROKED = {"scene": "../gallery/stroked.toml", "sets": ["object.0.stroke=[]"]}
 CRUSHED = STROKED["sets"] + ["object.0.crush={ lean_deg = 50.0, size_mm = 7.0, seed = 1 }"]
 PILE = [
-    ("collide, ruffle", TERRY | {"tables": LOOPS.format("")},
+    ("loops collide, ruffle", TERRY | {"tables": LOOPS.format("")},
      {"tables": LOOPS.format("collide = true\nruffle_deg = 28.0\nruffle_mm = 2.5")}, 16),
+    ("cut tufts collide", {"tables": VELVET}, {"tables": VELVET.replace("[yarn.pile]", "collide = true\n[yarn.pile]")}, 16),
+    ("stroked", STROKED, {"sets": []}, 26),
     ("crushed", STROKED, {"sets": CRUSHED}, 26),
+]
+
+
+def scene(name, without, within=(), frame=()):
+    """A scene of the gallery, without and with something, and settings of both."""
+    file = f"../gallery/{name}.toml"
+    return {"scene": file, "sets": [*frame, *without]}, {"sets": [*frame, *within]}
+
+
+def looking(x, y, z):
+    return f"camera.target_mm=[{x}, {y}, {z}]"
+
+
+NAVY = DENSE | {"colour": "[0.03, 0.04, 0.10]", "weft_colour": "[0.03, 0.04, 0.10]", "repeats": 6}
+HOLES = [f"object.{o}.stitch.{row}.hole_mm=0.0" for o in (0, 1) for row in (0, 1)]
+SELVEDGE = 'object.0.fringe=[{ from_mm = [139.0, 50.0], to_mm = [141.0, 150.0], keep = "weft", turn = true }]'
+MAKING = [
+    ("seam", *scene("seam", ["object.0.stitch=[]"]), 16),
+    ("holes of the needle", *scene("sail", HOLES), 5),
+    ("crease", *scene("napkin", ["object.0.crease=[]"], frame=[looking(0, 4, -1)]), 7),
+    ("fringe", *scene("napkin", ["object.0.fringe=[]"], frame=[looking(0, 33, 0)]), 9),
+    ("selvedge", *scene("napkin", ["object.0.fringe=[]"], [SELVEDGE], [looking(37, 0, 0)]), 4),
+    ("missing threads", FINE, {"warp": "missing = [4]", "weft": "missing = [7]"}, 14),
+    ("dye of the piece", DENSE, {"tables": "[print]\ncolour = [0.30, 0.04, 0.07]\nside = \"both\""}, 8),
+    ("discharge", NAVY, {"tables": '[print]\nimage = "roses.png"\nmode = "discharge"'}, 17),
 ]
 
 
@@ -161,10 +189,10 @@ def main():
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--denoise", action="store_true")
     parser.add_argument("--only", help="pairs whose label holds this")
-    parser.add_argument("--sheet", choices=["pairs", "fibres", "pile_pairs"], default="pairs")
+    parser.add_argument("--sheet", choices=["pairs", "fibres", "pile_pairs", "making"], default="pairs")
     parser.add_argument("-o", "--outfile", type=Path, help="SHEET.jpg without it")
     options = parser.parse_args()
-    sheet_of = {"pairs": PAIRS, "fibres": FIBRES, "pile_pairs": PILE}[options.sheet]
+    sheet_of = {"pairs": PAIRS, "fibres": FIBRES, "pile_pairs": PILE, "making": MAKING}[options.sheet]
     pairs = [pair for pair in sheet_of if options.only is None or options.only in pair[0]]
     rows = -(-len(pairs) * 2 // COLUMNS)
     (width, height) = SIZE

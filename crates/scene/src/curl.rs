@@ -1,4 +1,4 @@
-//! How the free threads of fringes curl.
+//! How the free threads of fringes curl, and how those of selvedges turn back.
 
 use crate::fabric_file::Fabric;
 use glam::{Vec2, Vec3};
@@ -6,6 +6,7 @@ use organza_basis::PathRng;
 use organza_mesh::{Error, Mesh};
 use organza_weave::{Cloth, ThreadSystem};
 use std::collections::HashSet;
+use std::f32::consts::FRAC_PI_2;
 
 /// Random numbers of curls.
 const CURL: u64 = 21 << 40;
@@ -23,13 +24,18 @@ const RISE: f32 = 0.25;
 const STEPS: usize = 64;
 /// Nearer to an end of a fringe than this share of its length, a corner lies on it.
 const ON_END: f32 = 0.01;
+/// Edges of the mesh of threads that turn back are at most this share of their spacing.
+const TURN_EDGE: f32 = 0.12;
+/// The share of its width that such a thread takes with it: a little of it lies inside every bow.
+const TURN_WIDTH: f32 = 0.96;
 
 /// A rectangle of a fringe whose threads curl: its least and greatest corner, how far the free ends go
-/// aside, and which fringe it is.
+/// aside, whether they turn back instead, and which fringe it is.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Curled {
     pub corners_mm: [Vec2; 2],
     pub curl_mm: f32,
+    pub turns: bool,
     pub index: usize,
 }
 
@@ -62,12 +68,14 @@ struct Strips {
     first: usize,
 }
 
-/// A thread: from which place along it, mm, to which side, how long it is, and points on its way.
+/// A thread: from which place along it, mm, to which side, how long it is, the share of its width
+/// that turns with it, and points on its way.
 struct Thread {
     from_mm: f32,
     side: f32,
     length_mm: f32,
     across_mm: f32,
+    width: f32,
     points: Vec<Point>,
 }
 
@@ -94,9 +102,12 @@ pub(crate) fn curl(
     let [along, across] = axes(keep);
     let held: HashSet<u32> = cloth_mesh.corners().iter().flatten().copied().collect();
     let (mut fringes, mut first) = (Vec::new(), 1);
-    for curled in all.iter().filter(|c| c.curl_mm > 0.0) {
-        let fringe = Strips::new(*curled, keep, &fabric.cloth, &held, mesh, first, most_faces);
+    for curled in all.iter().filter(|c| c.curl_mm > 0.0 || c.turns) {
+        let mut fringe = Strips::new(*curled, keep, &fabric.cloth, &held, mesh, first, most_faces);
         if fringe.is_held.contains(&true) {
+            if curled.turns {
+                fringe.shorten(keep, &fabric.cloth, mesh, most_faces)?;
+            }
             first += fringe.gaps_mm.len() + 1;
             fringes.push(fringe);
         }
@@ -110,7 +121,7 @@ pub(crate) fn curl(
     let longest = |at: Vec2| {
         let inside = fringes.iter().filter(|f| f.curled.holds(at));
         inside
-            .map(|f| 1.5 * f.spacing_mm)
+            .map(|f| f.spacing_mm * if f.curled.turns { TURN_EDGE } else { 1.5 })
             .fold(f32::INFINITY, f32::min)
     };
     mesh.refine(longest, most_faces)?;
@@ -206,15 +217,16 @@ impl Strips {
             [false, true] => (high, -1.0),
             _ => (low, 1.0),
         };
-        let across_mm = match (
-            k.checked_sub(1).map(|k| self.gaps_mm[k]),
-            self.gaps_mm.get(k),
-        ) {
-            (Some(a), Some(b)) => 0.5 * (a + b),
-            (None, Some(b)) => b - 0.5 * self.spacing_mm,
-            (Some(a), None) => a + 0.5 * self.spacing_mm,
-            (None, None) => 0.0,
-        };
+        if self.curled.turns {
+            return Thread {
+                from_mm,
+                side,
+                length_mm,
+                across_mm: self.across_mm(k),
+                width: TURN_WIDTH,
+                points: self.bow(k, length_mm),
+            };
+        }
         // Aside and up, before the thread keeps its length.
         let aimed = |step: usize| {
             let t = step as f32 / STEPS as f32;
@@ -258,9 +270,79 @@ impl Strips {
             from_mm,
             side,
             length_mm,
-            across_mm,
+            across_mm: self.across_mm(k),
+            width: 1.0,
             points,
         }
+    }
+
+    /// The middle of a thread, across it.
+    fn across_mm(&self, k: usize) -> f32 {
+        let before = k.checked_sub(1).map(|k| self.gaps_mm[k]);
+        match (before, self.gaps_mm.get(k)) {
+            (Some(a), Some(b)) => 0.5 * (a + b),
+            (None, Some(b)) => b - 0.5 * self.spacing_mm,
+            (Some(a), None) => a + 0.5 * self.spacing_mm,
+            (None, None) => 0.0,
+        }
+    }
+
+    /// Takes from threads that turn back what lies beyond one thread of the other system, around
+    /// which they bend.
+    ///
+    /// # Errors
+    /// More than `most_faces` would be needed.
+    fn shorten(
+        &mut self,
+        keep: ThreadSystem,
+        cloth: &Cloth,
+        mesh: &mut Mesh,
+        most_faces: usize,
+    ) -> Result<(), Error> {
+        let [along, _] = axes(keep);
+        let other = match keep {
+            ThreadSystem::Warp => ThreadSystem::Weft,
+            ThreadSystem::Weft => ThreadSystem::Warp,
+        };
+        let ([low, high], is_low) = (self.ends_mm, self.is_held[0]);
+        let near_mm = ON_END * (high - low);
+        let gaps = cloth.gaps_between_mm(other, self.ends_mm.map(f64::from), most_faces);
+        let mut gaps = gaps.iter().map(|gap| *gap as f32);
+        let end = match is_low {
+            true => gaps.find(|gap| *gap > low + near_mm),
+            false => gaps.rfind(|gap| *gap < high - near_mm),
+        };
+        if let Some(end) = end {
+            mesh.cut(|at| at[along] - end, most_faces)?;
+            let is_beyond = |at: Vec2| (at[along] > end) == is_low && self.curled.holds(at);
+            mesh.take(is_beyond);
+            self.ends_mm[usize::from(is_low)] = end;
+        }
+        Ok(())
+    }
+
+    /// Half of a bow of a thread to its neighbour, which has the other half; straight without one.
+    fn bow(&self, k: usize, length_mm: f32) -> Vec<Point> {
+        // At the other edge of the cloth the threads turn to their other neighbours.
+        let neighbour = match (k + usize::from(self.is_held[0])) % 2 {
+            0 => k.checked_sub(1),
+            _ => Some(k + 1).filter(|next| *next <= self.gaps_mm.len()),
+        };
+        let to_mm = neighbour.map_or(0.0, |n| self.across_mm(n) - self.across_mm(k));
+        if to_mm == 0.0 || !self.is_held.contains(&false) {
+            return vec![Point::default(); STEPS + 1];
+        }
+        let radius_mm = 0.5 * to_mm;
+        let at = |step: usize| {
+            let t = step as f32 / STEPS as f32;
+            let angle = t * FRAC_PI_2;
+            let ahead_mm = radius_mm.abs() * angle.sin() - t * length_mm;
+            Point {
+                moved_mm: Vec3::new(radius_mm * (1.0 - angle.cos()), ahead_mm, 0.0),
+                turned_rad: angle * to_mm.signum(),
+            }
+        };
+        (0..=STEPS).map(at).collect()
     }
 }
 
@@ -274,7 +356,7 @@ impl Thread {
         let mut moved = a.moved_mm.lerp(b.moved_mm, at - k as f32);
         // What lies beside the middle of the thread turns with it.
         let turned_rad = a.turned_rad + (at - k as f32) * (b.turned_rad - a.turned_rad);
-        let beside = across_mm - self.across_mm;
+        let beside = self.width * (across_mm - self.across_mm);
         let (sin, cos) = turned_rad.sin_cos();
         moved.x += beside * (cos - 1.0);
         moved.y -= beside * sin;
@@ -342,7 +424,7 @@ mod tests {
         )
     }
 
-    /// The mesh of a fringe with those corners.
+    /// The mesh of a fringe with those corners; with `curl_mm` below 0, its threads turn back.
     fn laid(keep: ThreadSystem, curl_mm: f32, corners: [[f32; 2]; 2], seed: u64) -> Mesh {
         let mut loader = Loader::new();
         loader.give("curled/cloth.toml", FABRIC);
@@ -358,7 +440,8 @@ mod tests {
             from_mm: corners[0],
             to_mm: corners[1],
             keep,
-            curl_mm,
+            curl_mm: curl_mm.max(0.0),
+            turn: curl_mm < 0.0,
         }];
         cut(&fringes, &fabric.cloth, &mut mesh, 1 << 20).unwrap();
         let mut taken = take(&fringes, &fabric, &mut mesh, 1 << 20).unwrap();
@@ -457,5 +540,41 @@ mod tests {
         }
         assert!((0.5..4.0).contains(&aside), "seed 7: {aside}");
         assert!(back > 0.0, "ends come back: {back}");
+    }
+
+    /// Threads turn back to their neighbours: the ends of two meet, beyond the cloth's edge.
+    #[test]
+    fn ends_of_threads_that_turn_back_meet() {
+        // Of 100 threads a millimetre apart, one at either side of the cloth may have no neighbour.
+        let ends = |curl_mm: f32, place: [f32; 2], end_mm: f32| {
+            let mesh = fringe(curl_mm, place, 7);
+            let corners = mesh.triangles().iter().flatten();
+            let at = corners.filter(move |v| {
+                (v.uv_mm.y - end_mm).abs() < 0.01 && (1.6..98.4).contains(&v.uv_mm.x)
+            });
+            at.map(|v| v.position_mm).collect::<Vec<_>>()
+        };
+        // How far they are from the middle between two threads, of every other two.
+        let off_mm = |ends: &[Vec3]| {
+            assert!(ends.len() >= 200);
+            let off = |pair: f32| {
+                let off = ends.iter().map(|p| p.x - pair);
+                off.fold(0.0, |most: f32, x| {
+                    most.max((x - 2.0 * (0.5 * x).round()).abs())
+                })
+            };
+            off(0.0).min(off(1.0))
+        };
+        for (place, held, end) in [([10.0, 21.0], 10.0, 11.0), ([-1.0, 10.0], 10.0, 9.0)] {
+            let turned = ends(-1.0, place, end);
+            // What of half a width lies inside the bow, 0.02, and how far a point within 0.01 of
+            // the end has yet to turn aside, 0.016.
+            assert!(off_mm(&turned) < 0.04, "{}", off_mm(&turned));
+            // Within a spacing of the edge.
+            let beyond = |p: &Vec3| (p.y - held) * (end - held);
+            assert!(turned.iter().all(|p| (0.0..1.0).contains(&beyond(p))));
+            let straight = ends(1e-3, place, if end > held { 20.0 } else { 0.0 });
+            assert!(off_mm(&straight) > 0.2);
+        }
     }
 }

@@ -28,6 +28,9 @@ pub struct Fringe {
     /// How far their free ends curl aside, about, mm: 0 to 10.
     #[serde(default)]
     pub curl_mm: f32,
+    /// Whether they turn back at the edge of the cloth, each to its neighbour: a selvedge.
+    #[serde(default)]
+    pub turn: bool,
 }
 
 impl Fringe {
@@ -40,6 +43,9 @@ impl Fringe {
         if !(0.0..=10.0).contains(&self.curl_mm) {
             let found = self.curl_mm;
             return Err(format!(".curl_mm: expected 0 to 10, found {found}"));
+        }
+        if self.turn && self.curl_mm > 0.0 {
+            return Err(".turn: threads that turn back do not curl; leave out curl_mm".into());
         }
         match Vec2::from(self.from_mm).cmpeq(self.to_mm.into()).any() {
             true => Err(".to_mm: expected the corner across of a rectangle".into()),
@@ -98,6 +104,7 @@ pub fn take(
         let curled = own.map(|(index, fringe)| Curled {
             corners_mm: fringe.between_threads_mm(&fabric.cloth),
             curl_mm: fringe.curl_mm,
+            turns: fringe.turn,
             index,
         });
         curled.collect::<Vec<_>>()

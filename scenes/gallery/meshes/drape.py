@@ -4,7 +4,7 @@ between two gathered edges above it, and between a rail and a weighted hem.
 The fall is Blender's: masses and springs with air, friction and collisions, from `bpy` (pip install
 bpy). Weights are within a tenth of those that `organza info` prints; Blender's stiffnesses have no unit, and were
 chosen by eye. Gathered edges are curves that keep the cloth's length (sheets.py). Lengths in Blender
-are decimetres.
+are decimetres. The same machine gives the same mesh; another one, rounding otherwise, may fold the cloth elsewhere.
 
     python3 drape.py [NAME ...]
 """
