@@ -228,27 +228,13 @@ impl Mesh {
         Ok(())
     }
 
-    /// Divides faces along a straight line of the fabric plane: where `side_at` changes its sign,
-    /// which is linear in the place in mm. To be called before [`Mesh::refine`].
-    ///
-    /// # Errors
-    /// More than `most_faces` would be needed.
-    pub fn cut(&mut self, side_at: impl Fn(Vec2) -> f32, most_faces: usize) -> Result<(), Error> {
-        let crossing = |ends: [Vec2; 2]| {
-            let [a, b] = ends.map(&side_at);
-            let share = a / (a - b);
-            // Nearer to an end, the line passes through it.
-            (a * b < 0.0 && (CORNER..=1.0 - CORNER).contains(&share)).then_some(share)
-        };
-        self.divide(crossing, most_faces).map(|_| ())
-    }
-
     /// Divides faces along parallel lines of the fabric plane: where `place_at`, which is linear in
-    /// the place in mm, has one of the values `lines`, which are sorted.
+    /// the place in mm, has one of the values `lines`, which are sorted. To be called before
+    /// [`Mesh::refine`].
     ///
     /// # Errors
     /// More than `most_faces` would be needed.
-    pub fn cut_along(
+    pub fn cut(
         &mut self,
         place_at: impl Fn(Vec2) -> f32,
         lines: &[f32],

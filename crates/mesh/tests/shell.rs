@@ -579,13 +579,13 @@ fn strips_that_are_torn_apart_move_alone() {
     mesh.flatten(|_| 0.5);
     let whole = [-0.25, 0.1].map(|z| place_mm(&mesh, z));
     let lines = [5.0, 10.0, 15.0, 20.0];
-    mesh.cut_along(|at| at.x, &lines, 1 << 10).unwrap();
+    mesh.cut(|at| at.x, &lines, 1 << 10).unwrap();
     mesh.refine(|_| 4.0, 1 << 12).unwrap();
     for (z, whole) in [-0.25, 0.1].into_iter().zip(whole) {
         assert!((place_mm(&mesh, z) - whole).length() < 1e-5);
     }
     let mut mesh = read_obj(OBJ.as_bytes(), PLACEMENT, &mut budget()).unwrap();
-    mesh.cut_along(|at| at.x, &lines, 1 << 10).unwrap();
+    mesh.cut(|at| at.x, &lines, 1 << 10).unwrap();
     let strip = |at: Vec2| lines.partition_point(|line| *line < at.x);
     let up_mm = |part: usize| 2.0 * part as f32;
     mesh.tear(strip, |part, _| Vec3::new(0.0, 0.0, up_mm(part)));
@@ -602,7 +602,7 @@ fn strips_that_are_torn_apart_move_alone() {
         let height = 50.0 - first as f32;
         assert!((height - 0.1 - up_mm(part)).abs() < 1e-3, "{x}: {height}");
     }
-    let refused = mesh.cut_along(|at| at.y, &lines, 8).unwrap_err();
+    let refused = mesh.cut(|at| at.y, &lines, 8).unwrap_err();
     assert!(matches!(refused, Error::TooLarge { .. }));
 }
 

@@ -117,7 +117,7 @@ pub(crate) fn curl(
     }
     let mut lines: Vec<f32> = fringes.iter().flat_map(|f| f.gaps_mm.clone()).collect();
     lines.sort_by(f32::total_cmp);
-    mesh.cut_along(|at| at[across], &lines, most_faces)?;
+    mesh.cut(|at| at[across], &lines, most_faces)?;
     let longest = |at: Vec2| {
         let inside = fringes.iter().filter(|f| f.curled.holds(at));
         inside
@@ -313,7 +313,7 @@ impl Strips {
             false => gaps.rfind(|gap| *gap < high - near_mm),
         };
         if let Some(end) = end {
-            mesh.cut(|at| at[along] - end, most_faces)?;
+            mesh.cut(|at| at[along], &[end], most_faces)?;
             let is_beyond = |at: Vec2| (at[along] > end) == is_low && self.curled.holds(at);
             mesh.take(is_beyond);
             self.ends_mm[usize::from(is_low)] = end;

@@ -81,8 +81,8 @@ pub fn cut(
     most_faces: usize,
 ) -> Result<(), Error> {
     for corner in fringes.iter().flat_map(|f| f.between_threads_mm(cloth)) {
-        mesh.cut(|at| at.x - corner.x, most_faces)?;
-        mesh.cut(|at| at.y - corner.y, most_faces)?;
+        mesh.cut(|at| at.x, &[corner.x], most_faces)?;
+        mesh.cut(|at| at.y, &[corner.y], most_faces)?;
     }
     Ok(())
 }
