@@ -153,6 +153,7 @@ fn optics_planted_in_a_picture_are_found() {
 }
 
 #[test]
+#[ignore = "takes half a minute: .ci/full runs it"]
 fn optics_and_density_planted_in_pairs_are_found() {
     let folder = scenes("appearance_pairs");
     let pairs = "theta_i,phi_i,theta_o,phi_o\n30,0,0,0\n30,0,30,180\n60,0,30,90\n\

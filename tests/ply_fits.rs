@@ -88,6 +88,7 @@ fn missed(answer: &Value) -> Vec<String> {
 
 /// At full size with more paths. The twin: light that was reflected taken for transmitted.
 #[test]
+#[ignore = "takes half a minute: .ci/full runs it"]
 fn corrections_planted_in_measured_values_are_found() {
     let folder = workplace("ply-fit-values");
     let (spp, own, steps) = match is_full() {
@@ -149,6 +150,7 @@ fn pictures(folder: &Path) {
 const TAKEN: &str = "--front front.exr --light 30,45 --back-light 150,45 --spp 48";
 
 #[test]
+#[ignore = "takes half a minute: .ci/full runs it"]
 fn plies_match_a_front_lit_and_a_back_lit_picture_at_once() {
     let folder = workplace("ply-fit-pictures");
     pictures(&folder);

@@ -105,6 +105,7 @@ fn bands_that_cannot_be_seen_are_refused() {
 /// A screen of other yarns is found from its reflection and transmission in light and under the
 /// sun. The twin: a file whose back is half as bright again, which no plain weave has, is reported.
 #[test]
+#[ignore = "takes half a minute: .ci/full runs it"]
 fn a_shade_is_fitted_or_the_reason_is_given() {
     let folder = folder("shade-fit");
     let spp = sized(8192, 32768).to_string();

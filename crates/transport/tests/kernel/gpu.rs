@@ -14,6 +14,7 @@ use organza_basis::{Aabb, Rgb, Sym3};
 use organza_kernel::gpu::{Division, GpuEngine, check_source};
 use organza_kernel::proofs::Fault;
 use organza_kernel::{Refusal, Reserve};
+use organza_testing::sized;
 use organza_transport::*;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -118,12 +119,12 @@ fn paths_on_an_adapter_are_those_of_a_processor() {
 }
 
 fn samples() -> u64 {
-    organza_testing::sized(1024, 32_768)
+    sized(1024, 32_768)
 }
 
 #[test]
 fn an_adapter_agrees_with_a_processor_pixel_by_pixel() {
-    for (name, scene) in scenes() {
+    for (name, scene) in scenes().into_iter().step_by(sized(3, 1)) {
         let settings = settings(0..samples(), u32::MAX);
         let other = other_settings(&settings);
         let Some((own, stats)) = by_adapter(&scene, &settings, flat_scene(&scene, &settings))
@@ -290,7 +291,7 @@ fn the_slab_has_the_bsdf_of_an_independent_renderer() {
     let bounds = Aabb::new(Vec3::new(-0.2, -0.2, -0.15), Vec3::new(0.2, 0.2, 0.15));
     let dims = UVec3::new(3, 2, 12);
     let mut twin_rejected = 0;
-    for row in rows.iter().step_by(organza_testing::sized(4, 1) as usize) {
+    for row in rows.iter().step_by(sized(4, 1) as usize) {
         let direction = |theta_deg: f64, phi_deg: f64| {
             let (theta, phi) = (theta_deg.to_radians(), phi_deg.to_radians());
             let sin = theta.sin();
@@ -313,7 +314,7 @@ fn the_slab_has_the_bsdf_of_an_independent_renderer() {
             lights: vec![sun(-w_in.as_vec3(), 1.0)],
             camera: Camera::new(projection, pose, UVec2::splat(16), PixelFilter::Box).unwrap(),
         };
-        let settings = settings(0..organza_testing::sized(256, 4096), u32::MAX);
+        let settings = settings(0..sized(256, 4096), u32::MAX);
         let Some((film, _)) = by_adapter(&scene, &settings, flat_scene(&scene, &settings)) else {
             return;
         };

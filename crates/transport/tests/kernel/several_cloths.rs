@@ -14,6 +14,7 @@ use glam::{UVec2, Vec2, Vec3};
 use organza_basis::{Aabb, Rgb, unwatched};
 use organza_mesh::{DrapedMesh, Mesh, Shell};
 use organza_scatter::Fibre;
+use organza_testing::sized;
 use organza_transport::*;
 
 /// The cloth of the other tests, so much higher.
@@ -107,7 +108,7 @@ pub(crate) fn scenes() -> Vec<(&'static str, Scene)> {
 
 #[test]
 fn several_cloths_agree_with_the_general_walk() {
-    for (name, scene) in scenes() {
+    for (name, scene) in scenes().into_iter().step_by(sized(2, 1)) {
         assert_agreement(name, &scene);
     }
     assert_agreement("pierced and flattened", &pierced());
