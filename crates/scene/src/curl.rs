@@ -104,7 +104,9 @@ pub(crate) fn curl(
     let (mut fringes, mut first) = (Vec::new(), 1);
     for curled in all.iter().filter(|c| c.curl_mm > 0.0 || c.turns) {
         let mut fringe = Strips::new(*curled, keep, &fabric.cloth, &held, mesh, first, most_faces);
-        if fringe.is_held.contains(&true) {
+        let held = fringe.is_held.iter().filter(|held| **held).count();
+        // Threads turn back at a free end alone.
+        if held == 1 || (held == 2 && !curled.turns) {
             if curled.turns {
                 fringe.shorten(keep, &fabric.cloth, mesh, most_faces)?;
             }
@@ -329,7 +331,7 @@ impl Strips {
             _ => Some(k + 1).filter(|next| *next <= self.gaps_mm.len()),
         };
         let to_mm = neighbour.map_or(0.0, |n| self.across_mm(n) - self.across_mm(k));
-        if to_mm == 0.0 || !self.is_held.contains(&false) {
+        if to_mm == 0.0 {
             return vec![Point::default(); STEPS + 1];
         }
         let radius_mm = 0.5 * to_mm;
@@ -540,6 +542,18 @@ mod tests {
         }
         assert!((0.5..4.0).contains(&aside), "seed 7: {aside}");
         assert!(back > 0.0, "ends come back: {back}");
+    }
+
+    /// Where the cloth holds both ends, nothing turns back, and nothing is taken away.
+    #[test]
+    fn threads_held_at_both_ends_do_not_turn_back() {
+        let places = |curl_mm: f32| {
+            let mesh = fringe(curl_mm, [5.0, 15.0], 7);
+            let corners = mesh.triangles().iter().flatten();
+            corners.map(|v| v.position_mm).collect::<Vec<_>>()
+        };
+        assert_eq!(places(-1.0), places(0.0));
+        assert_ne!(places(1.0), places(0.0));
     }
 
     /// Threads turn back to their neighbours: the ends of two meet, beyond the cloth's edge.

@@ -266,6 +266,14 @@ mod tests {
                 at(50.0) + "\nmodel = 'fibres'",
                 "fringe[0].to_mm: expected the corner across",
             ),
+            (
+                at(5.0).replace("}]", ", turn = true, curl_mm = 1.0}]"),
+                "fringe[0].turn: threads that turn back do not curl",
+            ),
+            (
+                at(5.0).replace("}]", ", curl_mm = 11.0}]"),
+                "fringe[0].curl_mm: expected 0 to 10",
+            ),
         ] {
             let found = scene(&more).err().unwrap().to_string();
             assert!(found.contains(expected), "{more}: {found}");

@@ -120,7 +120,7 @@ fn one_cylinder_keeps_the_energy_of_ray_optics() {
         let (sin, cos) = theta.to_radians().sin_cos();
         let d = Vec3::new(sin, 0.0, -cos);
         let mut stats = Stats::default();
-        let energy: Moments = (0..full(700))
+        let energy: Moments = (0..full(2000))
             .filter_map(|i| {
                 let mut rng = PathRng::new(31, row as u64, i);
                 let h = 0.2 * rng.unit() - 0.1;
