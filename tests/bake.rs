@@ -139,6 +139,7 @@ fn what_cannot_be_baked_is_refused_and_leaves_nothing() {
 }
 
 #[test]
+#[ignore = "takes 8 seconds: .ci/full runs it"]
 fn a_killed_bake_leaves_a_whole_folder_or_none() {
     let folder = folder("bake_killed");
     let silk = fabric("organza.toml");

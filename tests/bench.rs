@@ -1,14 +1,19 @@
 //! `organza bench` and `model = "auto"`, tiny.
 
-use crate::fabrics::cotton;
+use crate::fabrics::few_fibres;
 use crate::program::{complaint, folder, succeed};
 use organza_testing::assert_contains;
 use std::path::Path;
 
-/// Few thick fibres in large voxels: little to trace.
-fn fabric() -> String {
-    let yarn = "tex = 30.0\nfibres_per_ply = 20\nfibre_radius_um = 12.0";
-    cotton("plain", yarn, 40.0)
+const VOXEL_UM: f32 = 160.0;
+
+/// The command on a little cloth in large voxels, with few paths.
+fn bench() -> String {
+    let spp = organza_testing::sized("--spp 2 --truth-spp 4", "--spp 8 --truth-spp 16");
+    format!(
+        "bench plain.toml -o report --quick --resolution 4 {spp} \
+         --set render.max_bounces=8 --set render.cache_learning=0.01"
+    )
 }
 
 /// A cloth for which the program chooses.
@@ -36,10 +41,10 @@ fn json(folder: &Path, name: &str) -> serde_json::Value {
 #[test]
 fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
     let folder = folder("bench");
-    std::fs::write(folder.join("plain.toml"), fabric()).unwrap();
-    let bench = "bench plain.toml -o report --quick --resolution 4 --spp 8 --truth-spp 16 \
-        --set render.max_bounces=8 --set render.cache_learning=0.01";
-    let said = succeed(&folder, bench);
+    std::fs::write(folder.join("plain.toml"), few_fibres(VOXEL_UM)).unwrap();
+    let (widths, count) = organza_testing::sized(("--pixel-mm 0.1", 2), ("", 4));
+    let bench = format!("{} {widths}", bench());
+    let said = succeed(&folder, &bench);
     assert_contains(
         &said,
         "plain, pixels of 0.1 mm (34 cm away), lit from the front, within 2.0 %: ",
@@ -47,7 +52,7 @@ fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
     let report = folder.join("report");
     let first = json(&report, "report.json");
     let views = first["fabrics"][0]["views"].as_array().unwrap();
-    assert_eq!(views.len(), 4);
+    assert_eq!(views.len(), count);
     for view in views {
         let results = view["results"].as_array().unwrap();
         let refused = view["refused"].as_array().unwrap();
@@ -110,12 +115,10 @@ fn a_bench_judges_every_choice_and_goes_on_where_it_was() {
 #[test]
 fn a_bench_of_usual_trackers_compares_with_fibres_in_the_kernel() {
     let folder = folder("bench_usual");
-    std::fs::write(folder.join("plain.toml"), fabric()).unwrap();
+    std::fs::write(folder.join("plain.toml"), few_fibres(VOXEL_UM)).unwrap();
     succeed(
         &folder,
-        "bench plain.toml -o report --quick --resolution 4 --spp 8 --truth-spp 16 \
-         --set render.max_bounces=8 --set render.cache_learning=0.01 \
-         --trackers usual --pixel-mm 0.05,0.2",
+        &format!("{} --trackers usual --pixel-mm 0.05,0.2", bench()),
     );
     let report = json(&folder.join("report"), "report.json");
     let views = report["fabrics"][0]["views"].as_array().unwrap();
@@ -178,7 +181,7 @@ fn auto_uses_the_bench_beside_a_fabric(folder: &Path) {
 #[test]
 fn auto_takes_what_it_says() {
     let folder = folder("auto");
-    std::fs::write(folder.join("plain.toml"), fabric()).unwrap();
+    std::fs::write(folder.join("plain.toml"), few_fibres(VOXEL_UM)).unwrap();
     let scene = SCENE_OF_AUTO;
     std::fs::write(folder.join("scene.toml"), scene).unwrap();
     let render = "render scene.toml -o a.exr --spp 4 --json";
@@ -203,7 +206,11 @@ fn auto_takes_what_it_says() {
         "lod = \"volume\"\n".to_owned()
     } else {
         let scale = choice["voxel_scale"].as_f64().unwrap();
-        format!("voxel_um = {:?}\nlod = {}\n", 40.0 * scale, choice["level"])
+        format!(
+            "voxel_um = {:?}\nlod = {}\n",
+            f64::from(VOXEL_UM) * scale,
+            choice["level"]
+        )
     };
     let named = scene
         .replace(

@@ -9,7 +9,7 @@ use organza_testing::assert_contains;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Renders a film of about 400 MiB among the files of this system.
+/// Renders a film of about 25 MiB among the files of this system.
 fn render(folder: &Path, system: &[(&str, &str)]) -> Output {
     let root = folder.join("root");
     let _ = std::fs::remove_dir_all(&root);
@@ -18,7 +18,7 @@ fn render(folder: &Path, system: &[(&str, &str)]) -> Output {
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(path, text).unwrap();
     }
-    let film = "camera.resolution=[1024,1024]";
+    let film = "camera.resolution=[256,256]";
     Command::new(env!("CARGO_BIN_EXE_organza"))
         .current_dir(folder)
         .args(argv("render scene.toml -o x.exr --quiet --spp 1"))
@@ -36,7 +36,7 @@ fn render(folder: &Path, system: &[(&str, &str)]) -> Output {
 fn what_a_control_group_leaves_is_a_limit_of_memory() {
     let folder = folder("control-groups");
     write_grid_scene(&folder);
-    // Version 2: of 50 MiB 1,000,000 bytes are taken, the cache of files not counted.
+    // Version 2: of 10 MiB 1,000,000 bytes are taken, the cache of files not counted.
     let second = |limit| {
         [
             ("proc/self/cgroup", "0::/\n"),
@@ -45,8 +45,8 @@ fn what_a_control_group_leaves_is_a_limit_of_memory() {
                 "30 23 0:26 / /sys/fs/cgroup rw - cgroup2 cgroup2 rw\n",
             ),
             ("sys/fs/cgroup/memory.max", limit),
-            ("sys/fs/cgroup/memory.current", "30000000\n"),
-            ("sys/fs/cgroup/memory.stat", "anon 1000000\nfile 29000000\n"),
+            ("sys/fs/cgroup/memory.current", "6000000\n"),
+            ("sys/fs/cgroup/memory.stat", "anon 1000000\nfile 5000000\n"),
         ]
     };
     let first = [
@@ -55,16 +55,16 @@ fn what_a_control_group_leaves_is_a_limit_of_memory() {
             "proc/self/mountinfo",
             "30 23 0:26 / /sys/fs/cgroup/memory rw - cgroup cgroup rw,memory\n",
         ),
-        ("sys/fs/cgroup/memory/memory.limit_in_bytes", "41943040\n"),
-        ("sys/fs/cgroup/memory/memory.usage_in_bytes", "30000000\n"),
+        ("sys/fs/cgroup/memory/memory.limit_in_bytes", "8388608\n"),
+        ("sys/fs/cgroup/memory/memory.usage_in_bytes", "6000000\n"),
         (
             "sys/fs/cgroup/memory/memory.stat",
-            "total_cache 27000000\ntotal_rss 3000000\n",
+            "total_cache 3000000\ntotal_rss 3000000\n",
         ),
     ];
     for (system, left) in [
-        (&second("52428800\n"), 52_428_800 - 1_000_000),
-        (&first, 41_943_040 - 3_000_000),
+        (&second("10485760\n"), 10_485_760 - 1_000_000),
+        (&first, 8_388_608 - 3_000_000),
     ] {
         let out = render(&folder, system);
         let said = ended(&out, 2);

@@ -129,7 +129,7 @@ fn a_server_that_is_absent_gone_or_stuck_is_one_warning() {
     write_grid_scene(&folder);
     let small = "--set camera.resolution=[40,30] --spp 2000";
     // More bytes than connections hold back, so that a stuck server is noticed.
-    let large = "--set camera.resolution=[1200,1000] --spp 2";
+    let large = "--set camera.resolution=[1200,1000] --spp 1";
     let check = |address: &str, flags: &str, why: &str| {
         let render = "render scene.toml -o plain.png";
         succeed(&folder, &format!("{render} {flags}"));
@@ -151,7 +151,7 @@ fn a_server_that_is_absent_gone_or_stuck_is_one_warning() {
     };
     let (listener, address) = bound();
     drop(listener);
-    check(&address, small, "absent");
+    check(&address, "--spp 16", "absent");
     let (listener, address) = bound();
     let server = std::thread::spawn(move || drop(listener.accept().unwrap()));
     check(&address, small, "gone");

@@ -22,6 +22,20 @@ size_um = {voxel_um:.1}
     )
 }
 
+/// Few thick fibres: quickly woven, voxelized and traced.
+pub fn few_fibres(voxel_um: f32) -> String {
+    let yarn = "tex = 30.0\nfibres_per_ply = 6\nfibre_radius_um = 12.0";
+    cotton("plain", yarn, voxel_um)
+}
+
+/// A sheet whose BSDF is known; in green it absorbs nothing.
+pub const SHEET: &str = r#"[surface]
+model = "diffuse"
+reflectance = [0.4, 0.5, 0.1]
+transmittance = [0.2, 0.3, 0.3]
+openness = 0.2
+"#;
+
 /// A cotton satin with a surface model, in voxels of 16 um.
 pub const COTTON_SATIN: &str = r#"
 [draft]

@@ -1,7 +1,7 @@
 //! `organza table` and `model = "table"`: a cloth with a known BSDF is found again, whatever the
 //! threads and interruptions, and what cannot be shown is refused.
 
-use crate::fabrics::cotton;
+use crate::fabrics::{SHEET, cotton};
 use crate::in_process::{build, mistake, picture};
 use crate::program::{bytes, complaint, folder, succeed};
 use organza_scene::loader::Loader;
@@ -9,14 +9,6 @@ use organza_testing::{assert_contains, csv_numbers};
 use organza_transport::{EngineChoice, Film, Integrator, RenderSettings, Rendering, engine};
 use std::ops::ControlFlow;
 use std::path::Path;
-
-/// A sheet whose BSDF is known; in green it absorbs nothing.
-const SHEET: &str = r#"[surface]
-model = "diffuse"
-reflectance = [0.4, 0.5, 0.1]
-transmittance = [0.2, 0.3, 0.3]
-openness = 0.2
-"#;
 
 /// Nodes of the tables that the program makes.
 const NODES: usize = 738;
@@ -250,6 +242,7 @@ lod = "{lod}"
 
 /// A table with texture has light and dark places where the fibres have them.
 #[test]
+#[ignore = "takes 11 seconds: .ci/full runs it"]
 fn threads_are_seen_in_a_table() {
     const SEED: u64 = 4;
     let folder = folder("far_table_texture");

@@ -4,7 +4,7 @@
 #![allow(clippy::print_stdout)] // prints the messages of the runs
 
 use crate::cli::write_grid_scene;
-use crate::fabrics::COTTON_SATIN;
+use crate::fabrics::{COTTON_SATIN, SHEET, few_fibres};
 use crate::program::{argv, complaint, ended, files_left, folder, organza, succeed};
 use organza_testing::assert_contains;
 use std::path::Path;
@@ -71,7 +71,7 @@ fn a_checkpoint_that_cannot_be_saved_costs_no_picture() {
 fn a_full_disk_is_reported_and_leaves_nothing() {
     let folder = folder("full-disk");
     write_grid_scene(&folder);
-    std::fs::write(folder.join("cloth.toml"), COTTON_SATIN).unwrap();
+    std::fs::write(folder.join("cloth.toml"), few_fibres(40.0) + SHEET).unwrap();
     std::fs::create_dir(folder.join("disk")).unwrap();
     let mount = "mount -t tmpfs -o size=16k none disk";
     let limit = "rm -rf disk; mkdir disk; trap '' XFSZ; ulimit -f 32";
@@ -79,11 +79,11 @@ fn a_full_disk_is_reported_and_leaves_nothing() {
     for arguments in [
         "render scene.toml -o disk/out.exr --set camera.resolution=[64,64]",
         "render scene.toml -o disk/out.png --set camera.resolution=[512,512] --spp 1",
-        "voxelize cloth.toml -o disk/cloth.ovox --voxel-um 40",
-        "voxelize cloth.toml -o disk/cloth.vdb --voxel-um 40",
-        "voxelize cloth.toml -o disk/cloth.vol --voxel-um 40",
-        "voxelize cloth.toml -o disk/cloth.nrrd --voxel-um 40",
-        "voxelize cloth.toml -o disk/cloth.nrrd --voxel-um 40 --raw",
+        "voxelize cloth.toml -o disk/cloth.ovox --voxel-um 20",
+        "voxelize cloth.toml -o disk/cloth.vdb --voxel-um 20",
+        "voxelize cloth.toml -o disk/cloth.vol --voxel-um 20",
+        "voxelize cloth.toml -o disk/cloth.nrrd --voxel-um 20",
+        "voxelize cloth.toml -o disk/cloth.nrrd --voxel-um 20 --raw",
         "measure cloth.toml --layout grid --grid 6,24 --spp 2 --model surface -o disk/out.csv",
         "measure cloth.toml --layout grid --grid 6,24 --spp 2 --model surface -o disk/out.json",
         "measure cloth.toml --layout tensor-tree --spp 2 --model surface -o disk/out.xml",

@@ -9,7 +9,7 @@ use crate::program::{complaint, folder, succeed};
 use organza_photograph::is_same_weave;
 use organza_scene::fabric_file;
 use organza_scene::loader::Loader;
-use organza_testing::assert_contains;
+use organza_testing::{assert_contains, sized};
 use organza_weave::Draft;
 use serde_json::Value;
 
@@ -341,9 +341,10 @@ fn knits_and_noise_are_refused() {
         per_cm = 18.0\n[yarn.y]\npreset = \"cotton\"\nfibre_radius_um = 12.0\ntex = 20.0\n\
         [tile]\nrepeats = [2, 2]\n";
     std::fs::write(folder.join("truth.toml"), knit).unwrap();
-    // Ten wales and twelve courses.
-    let size_mm = [100.0 / 14.0, 120.0 / 18.0];
-    DISTANT.photograph(&folder, 1, size_mm, [240, 224], 5);
+    let [wales, courses] = sized([6.0, 7.0], [10.0, 12.0]);
+    let size_mm = [10.0 * wales / 14.0, 10.0 * courses / 18.0];
+    let pixels = sized([144, 132], [240, 224]);
+    DISTANT.photograph(&folder, 1, size_mm, pixels, 5);
     let width = size_mm[0].to_string();
     let fit = |front: &str, more: &str| {
         let words = format!(
@@ -354,10 +355,10 @@ fn knits_and_noise_are_refused() {
     };
     let why = fit("front.exr", "");
     assert_contains(&why, "front.exr: no weave found");
-    let grey: Vec<[f32; 3]> = (0..128 * 128)
+    let grey: Vec<[f32; 3]> = (0..64 * 64)
         .map(|i| [0.3 + 0.2 * uniform(6, i); 3])
         .collect();
-    write(&folder.join("grey.exr"), [128, 128], &grey);
+    write(&folder.join("grey.exr"), [64, 64], &grey);
     let why = fit("grey.exr", "");
     assert_contains(&why, "grey.exr: no weave found");
     // What does not apply is named.
@@ -372,7 +373,7 @@ fn knits_and_noise_are_refused() {
     let why = fit("grey.exr", "--crop 0,0,200,100");
     assert_contains(
         &why,
-        "--crop: 0,0,200,100 is no part of grey.exr, which has 128 x 128 pixels",
+        "--crop: 0,0,200,100 is no part of grey.exr, which has 64 x 64 pixels",
     );
     let said = complaint(&folder, "fit fibres --data a.csv -o f.toml");
     assert_contains(&said, "<FABRIC>");

@@ -106,7 +106,7 @@ impl Camera {
                  [camera]\n{kind}\norigin_mm = {:?}\ntarget_mm = {:?}\nup = {up:?}\n\
                  resolution = {size:?}\nfilter = \"box\"\n[[light]]\n{light}\n\
                  [[object]]\nkind = \"cloth\"\nfabric = \"truth.toml\"\nmodel = \"fibres\"\n",
-                sized(40, 80),
+                sized(24, 80),
                 seed + k as u64,
                 [middle[0], middle[1], far_mm],
                 [middle[0], middle[1], 0.0],

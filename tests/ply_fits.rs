@@ -169,7 +169,7 @@ fn plies_match_a_front_lit_and_a_back_lit_picture_at_once() {
 #[test]
 fn fits_of_plies_to_fibres_resume_and_end_alike() {
     let folder = workplace("ply-fit-fibres");
-    let flags = "--spp 16 --patience 0,12 --journal fit.journal";
+    let flags = "--spp 4 --patience 0,4 --journal fit.journal --set yarn.y.fibres_per_ply=20";
     let first = fit(&folder, flags);
     let length = std::fs::metadata(folder.join("fit.journal")).unwrap().len();
     let again = fit(&folder, flags);

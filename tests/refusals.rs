@@ -226,7 +226,7 @@ fn fits_begin_at_optics_in_other_words() {
         fs::write(folder.join("sailcloth.toml"), text).unwrap();
         let fit = format!(
             "fit fibres sailcloth.toml --model {model} --data values.csv -o fitted.toml \
-             --spp 4 --patience 0,1"
+             --spp 4 --patience 0,1 --voxel-um 160 --set yarn.cotton.fibres_per_ply=12"
         );
         assert_contains(&succeed(&folder, &fit), gives_way);
         succeed(&folder, "info fitted.toml");

@@ -19,19 +19,14 @@ pub fn gauze() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("volumes/gauze_ct.tif")
 }
 
-/// Scans the gauze in a folder.
-fn scan(folder: &Path, outfile: &str, more: &str) -> String {
-    let ct = gauze();
-    let mut arguments = argv(GAUZE);
-    arguments.extend([ct.to_str().unwrap(), "-o", outfile]);
-    arguments.extend(argv(more));
-    succeed(folder, &arguments)
-}
-
 #[test]
 fn a_scan_is_shown_described_and_measured_like_a_volume() {
     let folder = folder("scan-use");
-    scan(&folder, "red.ovox", "--quiet --colour 0.7,0.1,0.1");
+    let ct = gauze();
+    let mut arguments = argv(GAUZE);
+    arguments.extend([ct.to_str().unwrap(), "-o", "red.ovox", "--quiet"]);
+    arguments.extend(["--colour", "0.7,0.1,0.1"]);
+    succeed(&folder, &arguments);
     let info = succeed(&folder, "info red.ovox --json");
     let info: serde_json::Value = serde_json::from_str(&info).unwrap();
     assert_eq!(info["kind"], "scan");
@@ -96,21 +91,38 @@ fn volumes_that_hold_no_cloth_are_refused_and_nothing_is_written() {
     }
 }
 
+/// The first voxels of some slices of the gauze from its middle.
+pub fn gauze_slices([width, height, count]: [usize; 3]) -> Vec<Vec<u8>> {
+    let file = Cursor::new(std::fs::read(gauze()).unwrap());
+    let mut slices = TiffSlices::new(file, &mut Budget::new(1 << 30)).unwrap();
+    let shape = slices.shape();
+    let mut values = vec![0.0; shape.slice_len()];
+    let mut slice = |z| {
+        slices.read(8 + z, &mut values).unwrap();
+        let rows = values.chunks(shape.dims.x as usize).take(height);
+        rows.flat_map(|row| row[..width].iter().map(|v| *v as u8))
+            .collect()
+    };
+    (0..count as u32).map(&mut slice).collect()
+}
+
 /// The same bytes come of one thread and of two, with a journal, and from it.
 #[test]
 fn a_journal_gives_the_volume_of_an_unbroken_scan() {
     let folder = folder("scan-journal");
-    scan(&folder, "a.ovox", "--threads 1");
-    scan(&folder, "b.ovox", "--threads 2 --journal journal");
-    let said = scan(&folder, "c.ovox", "--journal journal");
+    // More than one block of 64 x 64 along each side.
+    let slices = gauze_slices([80, 72, 16]).concat();
+    std::fs::write(folder.join("ct.raw"), slices).unwrap();
+    let command = format!("{GAUZE} ct.raw --raw-type u8 --raw-size 80,72,16");
+    let scan = |more: &str| succeed(&folder, &format!("{command} {more}"));
+    scan("-o a.ovox --threads 1");
+    scan("-o b.ovox --threads 2 --journal journal");
+    let said = scan("-o c.ovox --journal journal");
     assert_contains(&said, "slabs are finished");
     let bytes = |name: &str| std::fs::read(folder.join(name)).unwrap();
     assert!(bytes("a.ovox") == bytes("b.ovox") && bytes("b.ovox") == bytes("c.ovox"));
     // Another threshold is another scan.
-    let ct = gauze();
-    let mut other = argv(GAUZE);
-    other.extend([ct.to_str().unwrap(), "-o", "d.ovox", "--threshold", "100"]);
-    other.extend(["--journal", "journal"]);
+    let other = format!("{command} -o d.ovox --threshold 100 --journal journal");
     let out = organza(&folder, &other);
     assert_eq!(out.status.code(), Some(2));
     assert!(!folder.join("d.ovox").exists());

@@ -13,7 +13,7 @@ use organza_transport::{
 };
 use organza_volume::{FibreFootprint, Octree, VoxelizeOptions, voxelize};
 use std::fmt::Write as _;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 pub fn octree(source: &SegmentList, footprint: FibreFootprint) -> Arc<Octree> {
     let options = VoxelizeOptions {
@@ -38,10 +38,18 @@ fn black() -> Fibre {
     Fibre::from(FittedFibre::new(parameters).unwrap())
 }
 
+/// Fibres, and whether they absorb nothing. Their tables take longer than the pictures.
+static FIBRES: LazyLock<[(&str, Fibre, bool); 3]> = LazyLock::new(|| {
+    [
+        ("clear smooth", clear(0.0), true),
+        ("clear rough", clear(0.6), true),
+        ("black", black(), false),
+    ]
+});
+
 /// Share of light that black fibres along x reflect toward `view`, by quadrature.
 pub fn gloss(view: Vec3) -> f64 {
-    let fibre = black();
-    let lobe = fibre.far_field(Vec3::X);
+    let lobe = FIBRES[2].1.far_field(Vec3::X);
     SphereGrid::new(Vec3::X, 60, 24).integrate(|w| f64::from(lobe.eval(view, w).0.x))
 }
 
@@ -84,11 +92,8 @@ pub fn matters(source: &SegmentList, log: &mut String) -> Vec<Matter> {
             put(words, medium, white, 1e-5);
         }
     }
-    for (name, fibre, white) in [
-        ("clear smooth", clear(0.0), true),
-        ("clear rough", clear(0.6), true),
-        ("black", black(), false),
-    ] {
+    for (name, fibre, white) in &*FIBRES {
+        let white = *white;
         for event in [VirtualFibreEvent::Plain, VirtualFibreEvent::Packed] {
             let tree = axes.clone();
             let medium = VirtualFibreMedium::new(tree, 0, vec![fibre.clone()], event);
@@ -96,7 +101,7 @@ pub fn matters(source: &SegmentList, log: &mut String) -> Vec<Matter> {
             let medium = medium.map(AnyMedium::VirtualFibres).ok_or_else(String::new);
             put(words, medium, white, 2e-3);
         }
-        let explicit = ExplicitFibres::new(source, vec![fibre], None, &unwatched);
+        let explicit = ExplicitFibres::new(source, vec![fibre.clone()], None, &unwatched);
         let words = format!("{name} fibres, explicit");
         let explicit = explicit
             .map(AnyMedium::ExplicitFibres)

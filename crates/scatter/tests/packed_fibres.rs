@@ -11,7 +11,7 @@ use organza_scatter::{
     AxialFlake, Fibre, FibreFrame, FittedFibre, FittedParameters, Lobe, MicroFlake, PackedEvent,
     void_multiplier,
 };
-use organza_testing::is_full;
+use organza_testing::{is_full, sized};
 
 const THICKNESS: f32 = 20.0;
 const WIDTH: f32 = 60.0;
@@ -396,11 +396,13 @@ fn packed_slabs_are_nearly_reciprocal() {
     ];
     let pairs = &pairs[..if is_full() { 4 } else { 1 }];
     for &(a, b) in pairs {
-        for (how, admitted) in [
-            (How::Explicit, 0.035),
-            (How::Plain, 0.0),
+        let models = [
             (How::Packed, 0.022),
-        ] {
+            (How::Plain, 0.0),
+            (How::Explicit, 0.035),
+        ];
+        // By default what renders are made of.
+        for (how, admitted) in models.into_iter().take(sized(1, 3)) {
             let (there, back) = (bsdf(how, a, b, 1), bsdf(how, b, a, 2));
             let error = |m: &Moments| m.variance() / m.count as f64;
             let se = (error(&there) + error(&back)).sqrt();

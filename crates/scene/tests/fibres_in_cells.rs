@@ -47,16 +47,16 @@ fn ray(axis: DVec3, radius_mm: f64, at: DVec3, i: u64, rng: &mut PathRng) -> (DV
 /// decides. The twin: the fibres of another seed.
 #[test]
 fn rays_meet_what_trying_every_piece_finds() {
-    let rays: u64 = sized(3_000, 100_000);
+    let rays: u64 = sized(1_200, 100_000);
     let fabrics = [
         "denim",
-        "organza",
         "jersey",
+        "organza",
         "charmeuse",
         "towel",
         "wool_tweed",
     ];
-    let fabrics = &fabrics[..sized(3, 6)];
+    let fabrics = &fabrics[..sized(2, 6)];
     let places = 16;
     for (seed, &name) in (1..).zip(fabrics) {
         let fibres = fibres_of(name, &[]);

@@ -134,7 +134,7 @@ fn packed_fabrics_are_the_fibres_they_stand_for() {
             60_000,
         )
     } else {
-        (&["organza"], &lights[..1], 8000)
+        (&["organza"], &lights[..1], 3000)
     };
     let mut missed = Vec::new();
     for &name in fabrics {

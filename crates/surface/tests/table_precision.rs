@@ -72,10 +72,15 @@ fn hats(w: DVec3) -> Vec<f64> {
 /// The value of two directions, by channel.
 fn exact(parts: &TableParts, w_out: Vec3, w_in: Vec3) -> [f64; 3] {
     let [x, y] = [w_out, w_in].map(|w| hats(w.as_dvec3().normalize()));
+    let nonzero = |hats: &[f64]| -> Vec<(usize, f64)> {
+        let all = hats.iter().copied().enumerate();
+        all.filter(|(_, hat)| *hat != 0.0).collect()
+    };
+    let [x, y] = [nonzero(&x), nonzero(&y)];
     std::array::from_fn(|c| {
         let mut sum = 0.0;
-        for (a, u) in x.iter().enumerate() {
-            for (b, v) in y.iter().enumerate() {
+        for &(a, u) in &x {
+            for &(b, v) in &y {
                 let (high, low) = (a.max(b), a.min(b));
                 let byte = parts.codes[high * (high + 1) / 2 + low][c];
                 let [least, most] = parts.range[c].map(f64::from);

@@ -53,7 +53,7 @@ fn the_furnace_is_one_for_every_family() {
     let off = |level, family, albedo| {
         let medium = flakes_at(level, family, albedo);
         let mut rng = PathRng::from_seed(92);
-        let gathered: Moments = (0..draws(8_000))
+        let gathered: Moments = (0..draws(4_000))
             .map(|_| gather(&medium, Ray::new(Vec3::splat(0.12) - w, w), &mut rng))
             .collect();
         (t_test(&gathered, 1.0).p_value, gathered)

@@ -10,7 +10,7 @@ use organza_scatter::{
     Fibre, FibreFrame, FittedFibre, FittedParameters, Lobe, PackedEvent, meet_fibre,
     sigma_t_per_mm, void_multiplier,
 };
-use organza_testing::{dielectric_fibre, fitted_fibre};
+use organza_testing::{dielectric_fibre, fitted_fibre, sized};
 use organza_transport::{
     AnyMedium, Film, Hemisphere, Integrator, Light, Medium, Scene, Stats, VirtualFibreEvent,
     VirtualFibreMedium, exact_transmittance, transmittance,
@@ -80,7 +80,7 @@ fn picture(
 }
 
 fn full(small: u64) -> u64 {
-    organza_testing::sized(small, 30 * small)
+    sized(small, 30 * small)
 }
 
 /// exp(-m 2 r rho sin(angle) length): every offset moves the whole slab along
@@ -282,7 +282,7 @@ impl Walk<'_> {
 /// reflection and transmission. The twin is the other event.
 #[test]
 fn renders_are_the_slab_walk() {
-    let spp = full(40);
+    let spp = sized(20, 1200);
     let paths = spp * 24 * 24;
     let (mut stream, mut twin) = (0, 0.0f64);
     for (name, fibre) in [("dielectric", dielectric(0.05)), ("fitted", fitted())] {

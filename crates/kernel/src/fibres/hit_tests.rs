@@ -216,7 +216,7 @@ fn compare_in(
 }
 
 fn rays() -> u64 {
-    organza_testing::sized(3_200, 100_000)
+    organza_testing::sized(1_600, 100_000)
 }
 
 #[test]
@@ -274,7 +274,7 @@ fn rays_along_fibres_meet_what_trying_finds() {
     let least = f64::from(matter.bodies[0].start_mm);
     let (mut wrong, mut close, mut met) = (0, 0, 0);
     // Few: a ray that meets nothing passes thousands of tiles.
-    let count = rays() / 16;
+    let count = organza_testing::sized(200, 6_250);
     for i in 0..count {
         let mut rng = PathRng::new(7, 0, i);
         let joint = &heap.joints[2 * (rng.unit() * 40.0) as usize];

@@ -229,10 +229,15 @@ fn the_kernel_is_the_walk_in_every_fabric() {
     let coarser: &[f64] = if is_full() { &[2.0, 4.0] } else { &[4.0] };
     let (mut by_kernel, mut differences, mut refused) = (Vec::new(), Vec::new(), 0);
     let mut twins = [[0u32; 2]; 2];
-    for (i, (fabric, voxel_um)) in cloths.iter().enumerate() {
+    // Reduced, every other fabric.
+    let step = if is_full() { 1 } else { 2 };
+    for (i, (fabric, voxel_um)) in cloths.iter().enumerate().step_by(step) {
         for times in coarser {
-            // Reduced, two looks of every fabric: flakes and fibres, white and coloured.
-            let few = [i % 2, 2 + (5 * i + 3) % (looks.len() - 2)];
+            // And one look of each: flakes or fibres, white or coloured.
+            let few = [match i % 3 {
+                0 => i / 6 % 2,
+                _ => 2 + (5 * i + i / 2) % (looks.len() - 2),
+            }];
             let all: Vec<usize> = (0..looks.len()).collect();
             for &look in if is_full() { &all[..] } else { &few[..] } {
                 let (text, is_white) = &looks[look];
@@ -275,7 +280,7 @@ fn the_kernel_is_the_walk_in_every_fabric() {
                     twins[0][0] += 1;
                     twins[0][1] += u32::from(!is_near(passed, thicker));
                 }
-                if *is_white && text.contains("plain") && (is_full() || i % 3 == 0) {
+                if *is_white && text.contains("plain") {
                     let twin = made().unwrap().with_fault(Fault::RoundedScale);
                     let twin = film(&scene, samples, Some(twin)).mean()[1];
                     twins[1][0] += 1;
@@ -292,7 +297,8 @@ fn the_kernel_is_the_walk_in_every_fabric() {
         by_kernel.len(),
         differences.len()
     );
-    assert!(differences.len() >= cloths.len(), "{refused} refused");
+    let least = if is_full() { cloths.len() } else { refused + 1 };
+    assert!(differences.len() >= least, "{refused} refused");
     // Of all together a hundredth of a per cent shows in full.
     // Margin: most of the bounds here and below is four standard errors.
     assert!(
@@ -304,6 +310,7 @@ fn the_kernel_is_the_walk_in_every_fabric() {
         "seed {SEED}: {difference:?}"
     );
     let [[made, rejected], _] = twins;
-    assert!(made >= 4 && rejected >= 4, "seed {SEED}: {twins:?}");
+    let least = if is_full() { 4 } else { 2 };
+    assert!(made >= least && rejected >= least, "seed {SEED}: {twins:?}");
     assert!(!is_full() || twins[1][1] >= 3, "seed {SEED}: {twins:?}");
 }

@@ -4,7 +4,7 @@
 use super::*;
 use crate::kernel::virtual_fibres::silk_and_cotton;
 use organza_basis::unwatched;
-use organza_testing::twisted_weave;
+use organza_testing::{sized, twisted_weave};
 use organza_volume::voxelize::VoxelizePlan;
 use organza_volume::{BlockCut, BlockLayout, FibreFootprint, Octree, Parts, VoxelizeOptions};
 
@@ -70,7 +70,7 @@ fn scenes() -> Vec<(&'static str, Scene)> {
 
 #[test]
 fn the_kernel_agrees_with_the_general_walk_on_blocks() {
-    let settings = settings(0..samples(), 200);
+    let settings = settings(0..sized(1024, 65_536), 200);
     let turned = scene(flakes(true), parallel(), wide(0.7));
     let (other, _) = walked(&turned, &settings);
     for (name, scene) in scenes() {

@@ -65,7 +65,7 @@ fn thin_matter_beside_dense_matter_keeps_its_transmittance() {
         }
     }
     assert!((3..=5).contains(&refused), "{refused} refused");
-    let twin = beside_dense(thinner, 1e3, 0.0, Interpolation::Nearest);
+    let twin = beside_dense(thinner, 1e2, 0.0, Interpolation::Nearest);
     let (twin, _) = walked(&twin, &settings);
     assert!(!is_near(twin.mean()[0], exact), "seed 9: {:?}", twin.mean());
 }
@@ -82,7 +82,7 @@ fn walks_end_in_the_densest_matter() {
                 }
                 let settings = RenderSettings {
                     integrator,
-                    ..settings(0..16, u32::MAX)
+                    ..settings(0..sized(1, 16), u32::MAX)
                 };
                 let (film, stats) = walked(&scene, &settings);
                 assert_eq!(stats.rejected, 0, "{dense} {albedo}");
@@ -130,12 +130,13 @@ pub(crate) fn white_slab(longitudinal_deg: f32, fibres: u32, bend_mm: f32) -> Sc
 fn white_fibres_keep_all_light_through_tens_of_events() {
     let settings = settings(0..4096, u32::MAX);
     let mut rejected = 0;
-    for (longitudinal_deg, fibres, bend_mm) in [
+    let slabs = [
         (6.0, 250, 0.01),
         (7.0, 250, 0.05),
         (8.0, 120, 0.02),
         (10.0, 250, 0.02),
-    ] {
+    ];
+    for (longitudinal_deg, fibres, bend_mm) in slabs.into_iter().step_by(sized(2, 1)) {
         let name = format!("seed 9, {longitudinal_deg} degrees, {fibres} fibres");
         let scene = white_slab(longitudinal_deg, fibres, bend_mm);
         let by_kernel = |flat| film(&scene, &settings, walker(flat, Backend::widest()));
@@ -148,5 +149,5 @@ fn white_fibres_keep_all_light_through_tens_of_events() {
         let (twin, _) = by_kernel(made().with_fault(Fault::RoundedScale));
         rejected += u32::from(!is_near(twin.mean()[1], 1.0));
     }
-    assert!(rejected >= 2, "{rejected} of 4 twins rejected");
+    assert!(rejected >= 2, "{rejected} twins rejected");
 }

@@ -32,7 +32,7 @@ fn the_kernel_agrees_with_the_walk_for_every_family() {
         for (lit, lights, projection) in lit.into_iter().skip(i % each).step_by(each) {
             let name = format!("{family:?}, {lit}");
             let scene_of = |albedos| scene(cloth(family, albedos), lights.clone(), projection);
-            let settings = settings(0..samples(), u32::MAX);
+            let settings = settings(0..sized(512, 65_536), u32::MAX);
             let cloth = scene_of([0.95, 0.8]);
             let (a, stats) = by_kernel(&cloth, &settings);
             let (b, of_walk) = walked(&cloth, &settings);
@@ -72,7 +72,7 @@ fn white_flakes_vanish_under_even_light() {
     for family in FlakeFamily::all() {
         let shown = |albedo| {
             let scene = scene(cloth(family, [albedo; 2]), vec![light.clone()], FLAT);
-            let settings = settings(0..2 * samples(), u32::MAX);
+            let settings = settings(0..sized(2048, 131_072), u32::MAX);
             let (film, stats) = by_kernel(&scene, &settings);
             assert!(stats.collisions > stats.paths);
             film.mean()[0]

@@ -86,12 +86,17 @@ fn scenes() -> Vec<(&'static str, Scene)> {
 /// all. Sources are valid for every adapter.
 #[test]
 fn paths_on_an_adapter_are_those_of_a_processor() {
-    for (name, scene) in scenes() {
+    for (i, (name, scene)) in scenes().into_iter().enumerate() {
+        let flat = Arc::new(flat_scene(&scene, &settings(0..1, 8)));
+        let source = GpuEngine::source_for_voxels(&flat).unwrap();
+        check_source(&source).unwrap_or_else(|e| panic!("{name}: {e}"));
+        // By default pixels of the others are compared, below.
+        if i % sized(2, 1) > 0 {
+            continue;
+        }
         for (max_bounces, expected) in [(1, 0.95), (8, 0.75)] {
             let settings = settings(0..1, max_bounces);
             let made = || flat_scene(&scene, &settings);
-            let source = GpuEngine::source_for_voxels(&Arc::new(made())).unwrap();
-            check_source(&source).unwrap_or_else(|e| panic!("{name}: {e}"));
             let Some((own, stats)) = by_adapter(&scene, &settings, made()) else {
                 return;
             };
@@ -124,7 +129,8 @@ fn samples() -> u64 {
 
 #[test]
 fn an_adapter_agrees_with_a_processor_pixel_by_pixel() {
-    for (name, scene) in scenes().into_iter().step_by(sized(3, 1)) {
+    let (first, step) = sized((1, 2), (0, 1));
+    for (name, scene) in scenes().into_iter().skip(first).step_by(step) {
         let settings = settings(0..samples(), u32::MAX);
         let other = other_settings(&settings);
         let Some((own, stats)) = by_adapter(&scene, &settings, flat_scene(&scene, &settings))
@@ -169,7 +175,7 @@ pub fn assert_depths_agree(name: &str, own: &Film, oracle: &Film, samples: u64, 
 /// exact rays, other fibres.
 #[test]
 fn twins_on_an_adapter_are_rejected() {
-    let settings = settings(0..4 * samples(), u32::MAX);
+    let settings = settings(0..sized(1024, 131_072), u32::MAX);
     let other = other_settings(&settings);
     let p_of = |own: &Scene, scene: &Scene, fault: Option<Fault<'_>>| {
         let mut flat = flat_scene(own, &settings);
@@ -268,7 +274,7 @@ fn very_bright_samples_are_kept() {
 /// of every event.
 #[test]
 fn white_fibres_keep_all_light_on_an_adapter() {
-    let settings = settings(0..2048, u32::MAX);
+    let settings = settings(0..sized(1024, 2048), u32::MAX);
     let scene = white_slab(7.0, 250, 0.05);
     let made = || flat_scene(&scene, &settings);
     let Some((own, stats)) = by_adapter(&scene, &settings, made()) else {

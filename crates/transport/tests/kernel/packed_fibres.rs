@@ -16,6 +16,7 @@ use organza_kernel::FibreEngine;
 use organza_kernel::fibres::{FibreMatter, FibreScene};
 use organza_kernel::proofs::PackedFault;
 use organza_scatter::Fibre;
+use organza_testing::sized;
 use organza_transport::*;
 use organza_volume::{MaterialPacking, MeasuredPacking, PackingFactor};
 use std::sync::Arc;
@@ -111,7 +112,7 @@ fn faulty(scene: &Scene, settings: &RenderSettings, fault: PackedFault) -> Film 
 
 /// Holds the kernel to the general walk, and to its number of events.
 fn assert_agreement_in_events(name: &str, scene: &Scene) {
-    let [own, of_walk] = assert_agreement(name, scene);
+    let [(_, own), (_, of_walk)] = assert_agreement(name, scene);
     assert_eq!(own.majorant_violations, 0, "{name}");
     assert_same_events(name, &own, &of_walk);
 }
@@ -128,7 +129,7 @@ fn packed_fibres_agree_with_the_general_walk() {
 fn faults_of_packed_fibres_are_rejected() {
     let flat = wide(0.4);
     let scene = scene(cloth(true), vec![white_sky(Hemisphere::Back)], flat);
-    let settings = settings(0..2 * samples(), u32::MAX);
+    let settings = settings(0..sized(2048, 131_072), u32::MAX);
     let (oracle, _) = walked(&scene, &settings);
     let (own, _) = by_cells(&scene, &settings, Backend::widest());
     assert!(agree(&own, &oracle).1.p_value > 1e-4);

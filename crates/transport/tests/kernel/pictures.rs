@@ -1,10 +1,10 @@
 //! Pictures around the scene: the kernel against the walk.
 
 use crate::kernel::{
-    PINHOLE, cloth, film, flat_scene, grid, least_p, lens, samples, scene, settings, walked, walker,
+    PINHOLE, cloth, film, flat_scene, grid, least_p, lens, scene, settings, walked, walker,
 };
 use organza_kernel::proofs::Fault;
-use organza_testing::environment_with_lamps;
+use organza_testing::{environment_with_lamps, sized};
 use organza_transport::*;
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ fn pictures_light_the_kernel_as_the_walk() {
         ("mixtures", AnyMedium::FlakeOctree(cloth()), PINHOLE),
     ] {
         let scene = scene(medium, vec![picture()], projection);
-        let settings = settings(0..samples(), u32::MAX);
+        let settings = settings(0..sized(1024, 65_536), u32::MAX);
         let (oracle, _) = walked(&scene, &settings);
         let good = |flat: FlatScene| {
             let engine = walker(flat, Backend::widest());

@@ -11,8 +11,9 @@ use organza_basis::{PathRng, Rgb, warp};
 use organza_kernel::proofs::Fault;
 use organza_kernel::{Matter, Refusal, Scatterers};
 use organza_scatter::{Fibre, FittedFibre, FittedParameters};
-use organza_testing::{dielectric_fibre, fitted_fibre, little_weave};
+use organza_testing::{dielectric_fibre, fitted_fibre, little_weave, sized};
 use organza_transport::*;
+use std::sync::LazyLock;
 
 fn dielectric(absorption: [f32; 3], longitudinal_deg: f32, azimuthal_deg: f32) -> Fibre {
     let [longitudinal_rad, azimuthal_rad] = [longitudinal_deg, azimuthal_deg].map(f32::to_radians);
@@ -31,10 +32,14 @@ fn cloth_at(level: u8, fibres: Vec<Fibre>, event: VirtualFibreEvent) -> VirtualF
 }
 
 pub(crate) fn silk_and_cotton() -> Vec<Fibre> {
-    vec![
-        dielectric([0.02, 0.1, 0.5], 5.0, 10.0),
-        fitted_fibre("gabardine"),
-    ]
+    // Tables take longer than many a test of them: all tests share these.
+    static FIBRES: LazyLock<Vec<Fibre>> = LazyLock::new(|| {
+        vec![
+            dielectric([0.02, 0.1, 0.5], 5.0, 10.0),
+            fitted_fibre("gabardine"),
+        ]
+    });
+    FIBRES.clone()
 }
 
 /// The same, with the materials of the two exchanged.
@@ -88,7 +93,7 @@ fn the_kernel_agrees_with_the_walk_through_fibres() {
     ] {
         let medium = cloth_at(level, silk_and_cotton(), VirtualFibreEvent::Plain);
         let scene = scene(AnyMedium::VirtualFibres(medium), lights, projection);
-        let settings = settings(0..samples(), u32::MAX);
+        let settings = settings(0..sized(1024, 65_536), u32::MAX);
         let (a, stats) = by_kernel(&scene, &settings);
         let (b, of_walk) = walked(&scene, &settings);
         assert_eq!(stats.rejected + stats.majorant_violations, 0, "{name}");

@@ -170,7 +170,7 @@ fn a_heather_of_one_material_has_the_fibres_of_its_yarn() {
 #[test]
 fn felt_of_several_materials_has_their_shares() {
     let text = "[nonwoven]\nfibre = \"felt\"\nareal_density_g_per_m2 = 120\nthickness_mm = 1.0\n\
-                tile_mm = [4, 4]\nlength_mm = 12\n[yarn.felt]\npreset = \"wool\"\nblend = [\n{ \
+                tile_mm = [2.5, 2.5]\nlength_mm = 12\n[yarn.felt]\npreset = \"wool\"\nblend = [\n{ \
                 mass_share = 60, fibre = \"wool\" },\n{ mass_share = 40, fibre = \"polyester\" },\n]\n";
     let felt = Cloth::build(&parsed(text), &no_files, 3).unwrap();
     let sums = sums(&felt);

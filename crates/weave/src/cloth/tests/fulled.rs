@@ -10,7 +10,7 @@ const SEED: u64 = 7;
 fn fulled(degree: Option<f64>) -> Cloth {
     let fulling = degree.map_or(String::new(), |d| format!("fulling = {d}"));
     let mut fabric = irregular(
-        4,
+        3,
         &format!(
             "preset = 'wool'\ntex = 60\nhairiness = {{ index = 0, length_mm = 1, reach_mm = 0.1 }}\n\
              {fulling}"

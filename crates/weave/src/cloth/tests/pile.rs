@@ -83,9 +83,9 @@ fn cut_pile_has_its_height_density_and_lean() {
 fn pile_stays_inside_the_tile_and_is_the_same_every_time() {
     let pushed = format!("{CUT}\ncollide = true");
     for text in [CUT, LOOP, WALE, &pushed] {
-        let cloth = build(&with_pile(text, 6));
+        let cloth = build(&with_pile(text, 3));
         let bounds = cloth.tile().bounds_mm;
-        let again = build(&with_pile(text, 6));
+        let again = build(&with_pile(text, 3));
         let (mut top, mut pieces) = (f32::NEG_INFINITY, 0);
         for batch in 0..cloth.batch_count() {
             let all = segments_of(&cloth, [batch]);

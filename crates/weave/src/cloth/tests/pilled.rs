@@ -71,8 +71,8 @@ fn pills_are_a_poisson_process() {
 #[test]
 fn pills_are_balls_of_the_fibres_of_their_yarns() {
     const SEED: u64 = 3;
-    let without = Cloth::build(&plain(20), &no_files, SEED).unwrap();
-    let cloth = worn(20, &spec(12.0, [0.8, 0.2]), SEED);
+    let without = Cloth::build(&plain(12), &no_files, SEED).unwrap();
+    let cloth = worn(12, &spec(12.0, [0.8, 0.2]), SEED);
     let threads = without.batch_count();
     assert!(cloth.pills.len() > 5 && cloth.batch_count() == threads + cloth.pills.len());
     let crown = without.tile().bounds_mm.max.z;
