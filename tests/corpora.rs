@@ -18,8 +18,8 @@ const QUICK: &str =
 /// Damaged copies that a reader gets.
 fn copies(reader: &str) -> u64 {
     match QUICK.split(' ').any(|quick| quick == reader) {
-        true => organza_testing::sized(700, 100_000),
-        false => organza_testing::sized(20, 20_000),
+        true => organza_testing::sized(2_000, 100_000),
+        false => organza_testing::sized(60, 20_000),
     }
 }
 
