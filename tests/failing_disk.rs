@@ -113,6 +113,11 @@ fn judge(
         .keys()
         .filter(|name| !is_state(name) && !is_cache(name) && before.get(*name) != whole.get(*name))
         .collect();
+    // What fails without harm is warned of; on a full disk the output fails after it.
+    let errors = message
+        .lines()
+        .filter(|line| case.harmless.is_empty() || !line.starts_with("organza: warning: "))
+        .count();
     match out.status.code() {
         Some(0) if case.harmless.is_empty() => return Some(format!("succeeded: {message}")),
         Some(0) if !message.is_empty() && !message.starts_with("organza: warning: ") => {
@@ -123,7 +128,7 @@ fn judge(
         }
         Some(0) => {}
         // The folder is tried before the work begins: that is a refusal.
-        Some(1 | 2) if message.lines().count() != 1 || !message.starts_with("organza: ") => {
+        Some(1 | 2) if errors != 1 || !message.starts_with("organza: ") => {
             return Some(format!("expected one line: {message}"));
         }
         Some(1 | 2) if !NAMING.iter().any(|words| message.contains(words)) => {

@@ -242,7 +242,6 @@ lod = "{lod}"
 
 /// A table with texture has light and dark places where the fibres have them.
 #[test]
-#[ignore = "takes 11 seconds: .ci/full runs it"]
 fn threads_are_seen_in_a_table() {
     const SEED: u64 = 4;
     let folder = folder("far_table_texture");
@@ -279,7 +278,7 @@ model = "{model}"
         let table = "table cloth.toml -o cloth.bsdf --spp 64 --texel-spp 64 --held-out 0 --json";
         succeed(&folder, &format!("{table} --texels {texels}"))
     };
-    let made = make("256");
+    let made = make(organza_testing::sized("64", "256"));
     assert_contains(&made, "\"texels\"");
     // What was not measured, without held-out pairs, is not taken for good.
     assert_contains(&made, "\"error_at_most\": null");

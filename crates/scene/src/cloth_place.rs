@@ -9,20 +9,32 @@ use organza_surface::ClothSurface;
 use organza_transport::{AnyMedium, Camera, CellGrid, Draping, LevelSteps, LevelledCloth};
 use std::path::Path;
 
-/// A sheet and the longer side of its repeat.
-pub struct FarSheet {
-    /// The surface.
-    pub sheet: Box<dyn Surface>,
+/// A surface and the longer side of its repeat.
+pub struct FarSheet<'a> {
+    /// Makes the surface, which takes longer than a near cloth needs.
+    pub surface: Box<dyn FnOnce() -> Result<ClothSurface> + 'a>,
     /// The longer side of its repeat.
     pub repeat_mm: f32,
 }
 
-impl From<ClothSurface> for FarSheet {
-    /// In register with the volume of the same cloth.
-    fn from(surface: ClothSurface) -> FarSheet {
+impl FarSheet<'_> {
+    /// The surface, in register with the volume of the same cloth.
+    ///
+    /// # Errors
+    /// A surface model that makes no sense.
+    pub fn sheet(self) -> Result<Box<dyn Surface>> {
+        let ClothSurface {
+            surface, origin_mm, ..
+        } = (self.surface)()?;
+        Ok(Box::new(Shifted::new(surface, origin_mm)))
+    }
+}
+
+impl From<ClothSurface> for FarSheet<'_> {
+    fn from(surface: ClothSurface) -> Self {
         FarSheet {
-            sheet: Box::new(Shifted::new(surface.surface, surface.origin_mm)),
             repeat_mm: surface.repeat_mm,
+            surface: Box::new(|| Ok(surface)),
         }
     }
 }
@@ -57,8 +69,8 @@ impl ClothPlace<'_> {
     ///
     /// # Errors
     /// As [`Place::fill`].
-    pub fn sheet_alone(&self, sheet: FarSheet) -> Result<Option<AnyMedium>> {
-        self.fill(Vec::new(), Some(sheet.sheet), LevelSteps::default())
+    pub fn sheet_alone(&self, sheet: FarSheet<'_>) -> Result<Option<AnyMedium>> {
+        self.fill(Vec::new(), Some(sheet.sheet()?), LevelSteps::default())
     }
 
     /// A cloth of several representations, finest first, then `sheet`; `None` when

@@ -287,6 +287,16 @@ impl Fabric {
             .map_err(|e| InputError::of_key(path, "surface", e))
     }
 
+    /// The longer side of one repeat of its surface model, mm, without the model.
+    ///
+    /// # Errors
+    /// As [`Fabric::surface`], as far as no model is needed to find them.
+    pub(crate) fn surface_repeat_mm(&self, path: &Path) -> Result<f32> {
+        self.surface_table(path)?
+            .repeat_mm(&self.cloth)
+            .map_err(|e| InputError::of_key(path, "surface", e))
+    }
+
     /// Refuses what needs every thread of a cloth, if it is made of blocks.
     pub(crate) fn whole(&self, path: &Path, what: &str) -> Result<()> {
         if self.synthesis.is_none() {

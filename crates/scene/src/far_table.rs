@@ -1,5 +1,6 @@
 //! The table of a fabric: the mean BSDF of its cloth, in a file beside it.
 
+use crate::cloth_place::FarSheet;
 use crate::error::{InputError, Result};
 use crate::fabric_file::Fabric;
 use crate::loader::Loader;
@@ -101,17 +102,22 @@ fn is_of(about: &Value, fabric: &Fabric) -> bool {
 /// surface model. A table of another state of the fabric is left out with a warning.
 ///
 /// # Errors
-/// A table that cannot be read, a surface model that makes no sense.
-pub(crate) fn far_sheet(
-    fabric: &Fabric,
-    path: &Path,
+/// A table that cannot be read, a surface model without a repeat.
+pub(crate) fn far_sheet<'a>(
+    fabric: &'a Fabric,
+    path: &'a Path,
     loader: &Loader<'_>,
-) -> Result<Option<ClothSurface>> {
+) -> Result<Option<FarSheet<'a>>> {
     if let Some(table) = far_table(fabric, path, loader)? {
-        return Ok(Some(table));
+        return Ok(Some(table.into()));
     }
-    let surface = fabric.file.surface.is_some();
-    surface.then(|| fabric.surface(path)).transpose()
+    if fabric.file.surface.is_none() {
+        return Ok(None);
+    }
+    Ok(Some(FarSheet {
+        repeat_mm: fabric.surface_repeat_mm(path)?,
+        surface: Box::new(|| fabric.surface(path)),
+    }))
 }
 
 /// The table beside a fabric, if it is there and of this fabric as it is.

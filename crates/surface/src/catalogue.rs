@@ -37,6 +37,12 @@ pub trait SurfaceKind: DeserializeOwned + Clone + fmt::Debug + PartialEq + 'stat
     /// # Errors Names the first key that is missing or out of range, or gives the reason why
     /// the model does not suit the cloth.
     fn of_cloth(&self, cloth: &Cloth) -> Result<ClothSurface, Error>;
+
+    /// The longer side of one repeat of the surface of a cloth, mm, without the surface.
+    ///
+    /// # Errors
+    /// Those of [`SurfaceKind::of_cloth`] that need no surface to be found.
+    fn repeat_mm(&self, cloth: &Cloth) -> Result<f32, Error>;
 }
 
 macro_rules! surface_models {
@@ -72,6 +78,14 @@ macro_rules! surface_models {
             /// As [`SurfaceKind::of_cloth`].
             pub fn of_cloth(&self, cloth: &Cloth) -> Result<ClothSurface, Error> {
                 match self { $(SurfaceTable::$variant(spec) => spec.of_cloth(cloth),)* }
+            }
+
+            /// The longer side of one repeat of the surface of a cloth, mm.
+            ///
+            /// # Errors
+            /// As [`SurfaceKind::repeat_mm`].
+            pub fn repeat_mm(&self, cloth: &Cloth) -> Result<f32, Error> {
+                match self { $(SurfaceTable::$variant(spec) => spec.repeat_mm(cloth),)* }
             }
 
             fn read<'de, D: Deserializer<'de>>(model: &str, keys: D) -> Result<Self, D::Error> {

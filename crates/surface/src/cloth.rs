@@ -3,7 +3,7 @@
 use crate::catalogue::{ClothSurface, SurfaceKind};
 use crate::error::Error;
 use crate::spec::SurfaceSpec;
-use crate::weave::Weave;
+use crate::weave::{Tiling, Weave};
 use organza_basis::SegmentSource;
 use organza_weave::{Cloth, Draft, SystemFigures};
 
@@ -91,6 +91,12 @@ impl SurfaceKind for SurfaceSpec {
             repeat_mm: surface.period_mm().max_element(),
             surface: Box::new(surface),
         })
+    }
+
+    fn repeat_mm(&self, cloth: &Cloth) -> Result<f32, Error> {
+        let parameters = self.clone().for_cloth(cloth)?.parameters()?;
+        parameters.check()?;
+        Ok(Tiling::new(&parameters.weave)?.period_mm().max_element())
     }
 }
 

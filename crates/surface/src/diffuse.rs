@@ -36,8 +36,12 @@ impl SurfaceKind for DiffuseSpec {
         Ok(ClothSurface {
             surface: Box::new(DiffuseSheet::new(self)?),
             origin_mm: Vec2::ZERO,
-            repeat_mm: cloth.tile().bounds_mm.size().truncate().max_element(),
+            repeat_mm: self.repeat_mm(cloth)?,
         })
+    }
+
+    fn repeat_mm(&self, cloth: &Cloth) -> Result<f32, Error> {
+        Ok(cloth.tile().bounds_mm.size().truncate().max_element())
     }
 }
 

@@ -1,5 +1,6 @@
 //! The parameters of a woven surface.
 
+use crate::error::Error;
 use crate::segment::SegmentParameters;
 use crate::shadowing::Shadowing;
 use crate::transmission::Transmission;
@@ -47,4 +48,28 @@ pub struct WovenParameters {
     pub transmission: Option<Transmission>,
     /// Relative error aimed at in the integral over staple yarn.
     pub accuracy: f64,
+}
+
+impl WovenParameters {
+    /// Checks what the shapes of segments do not depend on.
+    ///
+    /// # Errors
+    /// Names the first key that is out of range.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        Error::check("noise.grain_mm", self.grain_mm.into(), 0.0, 1e6)?;
+        Error::check("noise.period_mm", self.noise_period_mm.into(), 1e-6, 1e6)?;
+        Error::check("accuracy", self.accuracy, 1e-10, 0.1)?;
+        for (name, y) in [("warp", &self.warp), ("weft", &self.weft)] {
+            for (key, c) in [
+                ("diffuse", y.diffuse),
+                ("round", y.round),
+                ("specular", y.specular),
+            ] {
+                for channel in c.0.to_array() {
+                    Error::check(&format!("{name}.{key}"), channel.into(), 0.0, 1.0)?;
+                }
+            }
+        }
+        Ok(())
+    }
 }

@@ -81,20 +81,7 @@ impl WovenSurface {
     /// light in total than it receives. Where the yarns return too much from some directions
     /// only, the energy bound scales them down.
     pub fn new(p: &WovenParameters) -> Result<WovenSurface, Error> {
-        Error::check("noise.grain_mm", p.grain_mm.into(), 0.0, 1e6)?;
-        Error::check("noise.period_mm", p.noise_period_mm.into(), 1e-6, 1e6)?;
-        Error::check("accuracy", p.accuracy, 1e-10, 0.1)?;
-        for (name, y) in [("warp", &p.warp), ("weft", &p.weft)] {
-            for (key, c) in [
-                ("diffuse", y.diffuse),
-                ("round", y.round),
-                ("specular", y.specular),
-            ] {
-                for channel in c.0.to_array() {
-                    Error::check(&format!("{name}.{key}"), channel.into(), 0.0, 1.0)?;
-                }
-            }
-        }
+        p.check()?;
         let mut front = Face::new(p, Tiling::new(&p.weave)?)?;
         let mut back = Face::new(p, Tiling::seen_from_behind(&p.weave)?)?;
         let gain = front.specular_gain();

@@ -87,14 +87,15 @@ impl Levels {
     /// level cannot be made.
     ///
     /// # Errors
-    /// Those of `volume`, and of a shell that cannot be made.
+    /// Those of `volume` and of the sheet, and a shell that cannot be made.
     pub fn medium(
         self,
         place: &ClothPlace<'_>,
-        sheet: Option<FarSheet>,
+        sheet: Option<FarSheet<'_>>,
         mut volume: impl FnMut(u8) -> Result<Option<AnyMedium>>,
     ) -> Result<Option<AnyMedium>> {
-        let sheet = sheet.filter(|_| self.has_sheet).map(|s| s.sheet);
+        let sheet = sheet.filter(|_| self.has_sheet);
+        let sheet = sheet.map(FarSheet::sheet).transpose()?;
         if sheet.is_none() && self.steps.is_empty() && place.mesh.is_none() {
             return volume(*self.volumes.start());
         }

@@ -515,7 +515,7 @@ fn on_mesh(
         loader: options.loader,
         scene_path: options.scene_path,
     };
-    let alone = |sheet: FarSheet| {
+    let alone = |sheet: FarSheet<'_>| {
         let laid = place.sheet_alone(sheet)?;
         let laid = laid.ok_or_else(|| fail(".fabric: its tile has no volume"))?;
         Ok(vec![laid])
@@ -531,7 +531,7 @@ fn on_mesh(
         _ => None,
     };
     let (nearest, farthest) = place.footprints_mm(camera);
-    let is_far = |sheet: &FarSheet| nearest >= sheet.repeat_mm;
+    let is_far = |sheet: &FarSheet<'_>| nearest >= sheet.repeat_mm;
     let beyond = match far {
         // A fringe has no table.
         Some(sheet) if is_far(&sheet) && fringes.is_empty() => return alone(sheet),

@@ -1,7 +1,7 @@
 //! A cloth or volume in voxels, laid out in the levels of detail that a scene asks for.
 
 use crate::build_options::BuildOptions;
-use crate::cloth_place::{ClothPlace, FarSheet};
+use crate::cloth_place::ClothPlace;
 use crate::error::{InputError, Result};
 use crate::fabric_file::Fabric;
 use crate::far_table::far_sheet;
@@ -68,9 +68,7 @@ impl Laying<'_> {
         place.bounds_mm = octree.bounds_mm();
         let sheet = match lod {
             // A surface model has the size of its fabric.
-            Lod::Name(LodName::Auto) if scale == 1.0 => {
-                far_sheet(fabric, path, options.loader)?.map(FarSheet::from)
-            }
+            Lod::Name(LodName::Auto) if scale == 1.0 => far_sheet(fabric, path, options.loader)?,
             _ => None,
         };
         let (name, levels) = match lod {
