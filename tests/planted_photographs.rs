@@ -61,7 +61,8 @@ fn direction([theta, phi]: [f64; 2]) -> [f64; 3] {
 
 impl Camera {
     /// Photographs of `truth.toml` in a folder, as `front.exr` and, of two sides, `back.exr`: rendered
-    /// as a user would, then darkened, blurred and with noise.
+    /// as a user would but for the cache of radiance, whose error a fit takes for texture, then
+    /// darkened, blurred and with noise.
     pub fn photograph(
         &self,
         folder: &Path,
@@ -102,7 +103,7 @@ impl Camera {
                 }
             };
             let scene = format!(
-                "[render]\nspp = {}\nseed = {}\n\
+                "[render]\nspp = {}\nseed = {}\ncache = \"off\"\n\
                  [camera]\n{kind}\norigin_mm = {:?}\ntarget_mm = {:?}\nup = {up:?}\n\
                  resolution = {size:?}\nfilter = \"box\"\n[[light]]\n{light}\n\
                  [[object]]\nkind = \"cloth\"\nfabric = \"truth.toml\"\nmodel = \"fibres\"\n",

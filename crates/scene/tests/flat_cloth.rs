@@ -24,11 +24,8 @@ const MODELS: [&str; 4] = ["microflake", "plain", "packed", "fibres"];
 /// A long time for what takes a second: work without end fails a test and does not hold it up.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Look-ups of a path: it may pass 256 periods with 200 borders of voxels or cells each.
-const MOST_OF_PATH: f64 = 256.0 * 200.0;
-/// Of a shadow ray in the mean: few meet nothing on their way along the cloth, and the others
-/// end within a thread or two.
-const MOST_OF_SHADOW: f64 = 300.0;
+/// Look-ups of a ray: it may pass 256 periods with 200 borders of voxels or cells each.
+const MOST_LOOK_UPS: f64 = 256.0 * 200.0;
 
 /// The little cloth under camera and lights, and warnings on the way to it.
 pub(crate) fn build(model: &str, rest: &str) -> (Scene, Vec<String>) {
@@ -100,7 +97,7 @@ fn look(what: &'static str, rest: &'static str, samples: u64) {
                 );
                 let [(mean, _), ..] = film.mean();
                 assert!(mean.is_finite(), "{line}: {mean}");
-                assert!(walk < MOST_OF_PATH && shadow < MOST_OF_SHADOW, "{line}");
+                assert!(walk < MOST_LOOK_UPS && shadow < MOST_LOOK_UPS, "{line}");
                 line
             };
             engines().into_iter().map(one).collect::<Vec<_>>()
