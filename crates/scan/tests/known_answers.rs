@@ -313,8 +313,10 @@ fn check(kind: Kind, spreads: &[Spread; 3], chosen: &[usize]) {
                 look.noise
             );
         }
+        // The confidence is least for fibres that cross in most noise, 0.197 with a deviation of
+        // 0.007 over six seeds: four deviations less.
         assert!(
-            e.confidence > 0.2 && e.spread_deg < 45.0,
+            e.confidence > 0.17 && e.spread_deg < 45.0,
             "{kind:?}, seed 1: {e:?}"
         );
     }
