@@ -136,6 +136,9 @@ mod tests {
         };
         let spaced = spaced.for_cloth(&cloth(&twill)).unwrap().weave.unwrap();
         assert_eq!((&spaced.draft, spaced.warp_pitch_mm), (&weave.draft, 0.5));
+        // The repeat is known without the surface.
+        let whole = bare.of_cloth(&cloth(&twill)).unwrap();
+        assert_eq!(bare.repeat_mm(&cloth(&twill)).unwrap(), whole.repeat_mm);
         // A given weave is kept.
         let given = spec.clone().for_cloth(&cloth(&twill)).unwrap();
         assert_eq!(given, spec);

@@ -41,6 +41,7 @@ impl SurfaceKind for DiffuseSpec {
     }
 
     fn repeat_mm(&self, cloth: &Cloth) -> Result<f32, Error> {
+        DiffuseSheet::new(self)?;
         Ok(cloth.tile().bounds_mm.size().truncate().max_element())
     }
 }
