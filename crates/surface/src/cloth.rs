@@ -212,7 +212,7 @@ mod tests {
             spec.weave = Some(Weave::from_draft(&draft, size));
             // For any draft, the rectangles cover the repeat and show the drawdown.
             let weave = spec.weave.as_ref().unwrap();
-            let tiling = crate::weave::Tiling::new(weave).unwrap();
+            let tiling = Tiling::new(weave).unwrap();
             for k in 0..2000usize {
                 let (end, pick) = (7919 * k % draft.ends(), 104_729 * k % draft.picks());
                 let at = glam::Vec2::new(end as f32 + 0.5, pick as f32 + 0.5) * 0.3;
