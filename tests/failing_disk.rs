@@ -161,7 +161,7 @@ fn judge(
     (states.len() > 1 && !is_replaced).then(|| format!("old and new together: {message}"))
 }
 
-/// A file without the times that it tells.
+/// A file without the lines that report seconds.
 fn untimed(bytes: impl AsRef<[u8]>) -> Vec<u8> {
     let lines = bytes.as_ref().split_inclusive(|&b| b == b'\n');
     let timed = |line: &[u8]| line.trim_ascii_start().starts_with(b"\"seconds\":");

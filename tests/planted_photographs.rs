@@ -61,8 +61,8 @@ fn direction([theta, phi]: [f64; 2]) -> [f64; 3] {
 
 impl Camera {
     /// Photographs of `truth.toml` in a folder, as `front.exr` and, of two sides, `back.exr`: rendered
-    /// as a user would but for the cache of radiance, whose error a fit takes for texture, then
-    /// darkened, blurred and with noise.
+    /// without the cache of radiance, whose error a fit would take for texture, then darkened,
+    /// blurred and with noise.
     pub fn photograph(
         &self,
         folder: &Path,

@@ -58,8 +58,8 @@ impl Cache {
         std::fs::read_dir(&self.folder)?;
         let tag = self.folder.join(TAG.0);
         if !tag.exists() {
-            // Entries are found without it, and the folder may be there to be read only. A part
-            // of it would never be replaced.
+            // Entries are found without it, and the folder may be there to be read only. A
+            // partial tag would never be replaced.
             if std::fs::write(&tag, TAG.1).is_err() {
                 let _ = std::fs::remove_file(tag);
             }

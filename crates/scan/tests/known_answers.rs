@@ -313,8 +313,8 @@ fn check(kind: Kind, spreads: &[Spread; 3], chosen: &[usize]) {
                 look.noise
             );
         }
-        // The confidence is least for fibres that cross in most noise, 0.197 with a deviation of
-        // 0.007 over six seeds: four deviations less.
+        // Fibres that cross in the most noise have the least confidence, 0.197 with a standard
+        // deviation of 0.007 over six seeds. The bound is four deviations lower.
         assert!(
             e.confidence > 0.17 && e.spread_deg < 45.0,
             "{kind:?}, seed 1: {e:?}"

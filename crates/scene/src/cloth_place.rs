@@ -11,7 +11,7 @@ use std::path::Path;
 
 /// A surface and the longer side of its repeat.
 pub struct FarSheet<'a> {
-    /// Makes the surface, which takes longer than a near cloth needs.
+    /// Makes the surface. This takes a while, and cloth that is near does not need it.
     pub surface: Box<dyn FnOnce() -> Result<ClothSurface> + 'a>,
     /// The longer side of its repeat.
     pub repeat_mm: f32,

@@ -51,7 +51,8 @@ pub struct WovenParameters {
 }
 
 impl WovenParameters {
-    /// Checks what the shapes of segments do not depend on.
+    /// Checks the ranges of noise, accuracy and albedos. Shapes of segments are checked where they
+    /// are made.
     ///
     /// # Errors
     /// Names the first key that is out of range.

@@ -104,7 +104,7 @@ fn near_lights_agree_with_the_walk() {
         let most = if is_behind { 1.4 } else { 2.4 };
         assert!(ratio < most, "{name}: {ratio} times the variance");
     }
-    // The light of a point in the matter has a long tail.
+    // Light from a point inside the matter varies most, so it takes more paths.
     for (i, times) in [1, 1, sized(4, 1)].into_iter().enumerate() {
         let lit = |factor| others(factor)[i].1.clone();
         kernel_agrees(others(1.0)[i].0, times * samples(), &lit);
